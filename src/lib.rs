@@ -34,8 +34,9 @@
 //! | [`cli`] | one file a command; the only place that prints (feature `cli`) |
 //! | [`menu`] | what stands on the brick's screen, and what its buttons do (feature `cli`) |
 //! | [`report`] | pictures and exports of finished runs, the live page of others (feature `host`) |
-//! | [`link`] | the network: protocol, a brick's server, the PC's client, keys (feature `link`) |
+//! | [`link`] | the network: a brick's server, the PC's client, keys (feature `link`) |
 //! | [`service`] | what a brick does between and around runs: the state, the runs on disk, the operations (feature `cli`) |
+//! | [`protocol`] | what is asked of a brick and what it answers, over the network and on the brick |
 //! | [`simulated`] | a run on a simulated brick: what a run is handed there (feature `sim`) |
 //! | [`commissioning`] | before there is a run: setting a robot up, measuring it, looking it over |
 //! | [`runtime`] | a run: checks, control loop, guard, replay |
@@ -174,6 +175,8 @@ pub mod page;
 pub mod planning;
 #[cfg(feature = "tick")]
 pub mod printable;
+#[cfg(feature = "tick")]
+pub mod protocol;
 #[cfg(feature = "tick")]
 pub mod recording;
 #[cfg(feature = "host")]

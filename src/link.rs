@@ -120,7 +120,7 @@ pub mod team;
 use std::path::PathBuf;
 
 #[cfg(doc)]
-use crate::service::protocol::{
+use crate::protocol::{
     Done, Fetch, Fetched, Kind, Live, MAX_FETCH_BYTES, Missions, Runs, Start, Started, Status,
     Stopped,
 };

@@ -64,7 +64,7 @@ mod track;
 use std::collections::VecDeque;
 
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
-use crate::service::protocol::{
+use crate::protocol::{
     LastStop, Live, LocalOnly, LocalRequest, Missions, Pairing, Request, RunId, RunStatus, Runs,
     Settings, State, Status,
 };

@@ -14,10 +14,9 @@
 //!
 //! # Not here
 //!
-//! Names that people compare have an alphabet of their own
-//! ([`Name`](crate::service::protocol::Name), feature `cli`): letters that look alike are a matter
-//! of alphabets, not of what can be printed. HTML and TOML have their own escapes, where they are
-//! written.
+//! Names that people compare have an alphabet of their own ([`Name`](crate::protocol::Name)):
+//! letters that look alike are a matter of alphabets, not of what can be printed. HTML and TOML
+//! have their own escapes, where they are written.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;

@@ -26,6 +26,7 @@
 //! - One service a folder of runs, and one a socket; each is locked.
 
 use crate::mapping::Pose;
+use crate::protocol;
 use crate::runtime::Brick;
 
 pub mod client;
@@ -37,7 +38,6 @@ mod hardware;
 mod keep;
 pub mod machine;
 mod missions;
-pub mod protocol;
 mod settings;
 mod signs;
 pub mod socket;

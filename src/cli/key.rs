@@ -12,7 +12,7 @@ use crate::link::keys::{Authorised, AuthorisedKey, KeyError, PublicKey};
 use crate::link::{KeyPair, key_folder};
 #[cfg(feature = "host")]
 use crate::link::{KnownBrick, KnownBricks};
-use crate::service::protocol::Name;
+use crate::protocol::Name;
 
 /// Make and show this machine's key; on a brick, let other keys in or turn them away.
 ///

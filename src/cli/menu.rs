@@ -16,11 +16,11 @@ use crate::menu::{
     Canvas, Display, Keys, Menu, MenuError, MenuOptions, Parts, Replies, ScreenDialogue,
     ServiceConnection, StartedBy, TalkKind, Talker, Told, Trouble, WIDTH, attend,
 };
+use crate::protocol::{Answer, LocalRequest};
 use crate::robot::RobotConfig;
 use crate::runtime::{HardwareLock, Source, StopFlags};
 use crate::service::client::{Client, ClientError};
 use crate::service::config::BRICK_FOLDER;
-use crate::service::protocol::{Answer, LocalRequest};
 
 #[cfg(feature = "host")]
 mod frames;

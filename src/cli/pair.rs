@@ -13,11 +13,11 @@ use crate::commissioning::Dialogue as _;
 use crate::link::pairing::Introduced;
 #[cfg(feature = "host")]
 use crate::link::{ClientError, KnownBrick, KnownBricks};
+#[cfg(feature = "host")]
+use crate::protocol::Name;
+use crate::protocol::{LocalOnly, Pairing};
 use crate::service::client::{Client, ClientError as LocalError};
 use crate::service::config::BRICK_FOLDER;
-#[cfg(feature = "host")]
-use crate::service::protocol::Name;
-use crate::service::protocol::{LocalOnly, Pairing};
 
 /// Introduce this PC to a brick: both show a code, and you say on both whether it is the same.
 ///

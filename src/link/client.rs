@@ -2,7 +2,7 @@
 //!
 //! ```no_run
 //! use onbrick::link::{Client, KeyPair, KnownBricks, key_folder};
-//! use onbrick::service::protocol::Chosen;
+//! use onbrick::protocol::Chosen;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let folder = key_folder().ok_or("no home folder")?;
@@ -38,11 +38,11 @@ use super::curve::NoCurve;
 use super::keys::{KeyPair, PublicKey};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::{SECOND_NS, nanoseconds, wall_ns};
-use crate::service::digest::hex;
-use crate::service::protocol::{
+use crate::protocol::{
     Chosen, Done, Kind, Live, Missions, NoRunId, Refusal, Request, RunId, Runs, Start, Started,
     Status, Stopped,
 };
+use crate::service::digest::hex;
 
 mod address;
 mod connection;

@@ -32,7 +32,7 @@ use sha2::{Digest, Sha256};
 
 use super::curve::{self, NoCurve};
 use crate::document::{Document, Findings, Item};
-use crate::service::protocol::{Name, NoName};
+use crate::protocol::{Name, NoName};
 
 mod authorised;
 mod known;

@@ -87,8 +87,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::keys::{KeyPair, PublicKey};
+use crate::protocol::Name;
 use crate::service::digest::hex;
-use crate::service::protocol::Name;
 
 mod pc;
 mod window;

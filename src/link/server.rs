@@ -40,10 +40,10 @@ use std::thread::JoinHandle;
 use super::curve::NoCurve;
 use super::keys::{Authorised, KeyError, KeyPair};
 use super::pairing::PairingWindow;
-use crate::service::NetworkLink;
 #[cfg(doc)]
-use crate::service::protocol::MAX_REQUEST_BYTES;
-use crate::service::protocol::{Name, Operations, Pairing};
+use crate::protocol::MAX_REQUEST_BYTES;
+use crate::protocol::{Name, Operations, Pairing};
+use crate::service::NetworkLink;
 use crate::threads::spawn;
 
 mod front;

@@ -7,7 +7,7 @@
 use std::collections::VecDeque;
 
 use crate::clock::MILLISECOND_NS;
-use crate::service::protocol::{LocalOnly, LocalRequest, Request};
+use crate::protocol::{LocalOnly, LocalRequest, Request};
 
 /// Which connection a request goes over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -6,11 +6,11 @@ use super::asks::{Lane, Look};
 use super::track::Track;
 use super::{Menu, Notice, Showing};
 use crate::clock::SECOND_NS;
-use crate::runtime::StopReason;
-use crate::service::protocol::{
+use crate::protocol::{
     Answer, Fetch, Fetched, LastStop, LocalOnly, LocalRequest, MAX_FETCH_BYTES, Pairing, Refusal,
     Request, State, Status,
 };
+use crate::runtime::StopReason;
 
 /// How much of a recording is fetched at once: two seconds of a run, so that a long one comes in
 /// steps that leave the brick's processor to the run.

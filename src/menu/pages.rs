@@ -7,7 +7,7 @@ use super::text::plain;
 use super::{Menu, Notice, Page, Showing, StartedBy, Tab};
 use crate::clock::seconds;
 use crate::mapping::Range;
-use crate::service::protocol::{
+use crate::protocol::{
     LastStop, LiveDevice, MissionInfo, Pairing, RunId, RunInfo, RunStatus, State,
 };
 

@@ -7,7 +7,7 @@
 use super::canvas::Canvas;
 use super::pages::{ended, progress};
 use super::sheet::{Sheet, View};
-use crate::service::protocol::{LastStop, RunStatus};
+use crate::protocol::{LastStop, RunStatus};
 
 /// A run in progress, as the menu shows one.
 #[must_use]

@@ -6,7 +6,7 @@ use super::talk::TalkKind;
 use super::{Effect, Menu, Notice, Page, STOP_PATIENCE_NS, Showing, StartedBy, Tab};
 use crate::clock::MILLISECOND_NS;
 use crate::ev3dev::Button;
-use crate::service::protocol::{Chosen, LocalOnly, Pairing, RunId, SettingsChange, Start, State};
+use crate::protocol::{Chosen, LocalOnly, Pairing, RunId, SettingsChange, Start, State};
 
 /// How long Up or Down is held before it repeats.
 const REPEAT_AFTER_NS: i64 = 500 * MILLISECOND_NS;

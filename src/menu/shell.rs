@@ -11,7 +11,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use super::{Canvas, Effect, FRAME_NS, Lane, Menu, Replies, Talker, Told, Trouble};
 use crate::clock::Clock;
 use crate::ev3dev::{ButtonChanges, ButtonSet, Buttons, DeviceError, ScreenError};
-use crate::service::protocol::{Answer, LocalRequest};
+use crate::protocol::{Answer, LocalRequest};
 
 /// Where the buttons are looked at.
 pub trait Keys {

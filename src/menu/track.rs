@@ -15,8 +15,8 @@ use super::canvas::{Canvas, INK, PAPER};
 use super::sheet::{HEAD, HIGH, WIDE, head, size};
 use super::text::{Face, write};
 use crate::mapping::Pose;
+use crate::protocol::RunId;
 use crate::recording::{Growing, Piece};
-use crate::service::protocol::RunId;
 use crate::units::rounded;
 
 /// Edge of a cell, metres.

@@ -4,7 +4,7 @@
 //! ```no_run
 //! use std::time::Duration;
 //! use onbrick::service::client::Client;
-//! use onbrick::service::protocol::{Request, Status};
+//! use onbrick::protocol::{Request, Status};
 //!
 //! let mut client = Client::at("/run/onbrick/socket");
 //! let status: Status = client.ask(&Request::Status, Duration::from_secs(1))?;
@@ -20,11 +20,11 @@ use std::time::Duration;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::protocol::{
+use crate::clock::{Clock, MonotonicClock};
+use crate::protocol::{
     Answer, Envelope, Fetch, Fetched, Id, LocalOnly, MAX_FETCH_BYTES, Outcome, Refusal, Reply,
     Request, VERSION,
 };
-use crate::clock::{Clock, MonotonicClock};
 
 /// No reply's line is longer, bytes: a list of all runs.
 const LONGEST_REPLY: u64 = 16 << 20;

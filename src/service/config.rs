@@ -7,9 +7,9 @@
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
-use super::protocol::{Name, NoName};
 use crate::clock::nanoseconds;
 use crate::document::{Document, Findings, Item, Section};
+use crate::protocol::{Name, NoName};
 use crate::runtime::WhenAbandoned;
 
 /// The shipped `onbrick.toml`, which explains every key.

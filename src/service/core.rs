@@ -9,10 +9,6 @@ use serde::Serialize;
 use super::config::Config;
 use super::hardware::{Charge, Hardware};
 use super::machine::{Happening, Machine};
-use super::protocol::{
-    Answer, Caller, Done, Kind, LocalOnly, Missions, Name, Operations, Pairing, Refusal, Request,
-    RunInfo, Runs, Settings, SettingsChange, Status, VERSION,
-};
 use super::settings::{Kept, addresses};
 use super::start::Stop;
 use super::store::Store;
@@ -20,6 +16,10 @@ use super::token::Tokens;
 use super::{NetworkLink, RobotSite, missions};
 use crate::behavior::Capabilities;
 use crate::clock::{Clock, MonotonicClock, wall_ns, wrong_year};
+use crate::protocol::{
+    Answer, Caller, Done, Kind, LocalOnly, Missions, Name, Operations, Pairing, Refusal, Request,
+    RunInfo, Runs, Settings, SettingsChange, Status, VERSION,
+};
 use crate::robot::BatteryConfig;
 use crate::runtime::{NotReady, StopBy, WhenAbandoned};
 
@@ -269,7 +269,7 @@ impl Service {
 
     fn menu_closed(&self, asker: &str) -> Result<Answer, Refusal> {
         if self.inner.config.when_menu_closes == WhenAbandoned::GoOn {
-            return answer(&super::protocol::Stopped { run: None, stopped: true });
+            return answer(&crate::protocol::Stopped { run: None, stopped: true });
         }
         answer(&self.stop(None, StopBy::MenuClosed, asker)?)
     }

@@ -5,12 +5,12 @@ use std::path::PathBuf;
 
 use super::core::Service;
 use super::machine::Happening;
-use super::protocol::{LastStop, RunId, RunStatus};
 use super::start::Stop as StopHandle;
 use super::store::Record;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::ev3dev::Tree as _;
 use crate::printable::with_causes;
+use crate::protocol::{LastStop, RunId, RunStatus};
 use crate::recording;
 use crate::runtime::{Ended, Event, RunError, RunProcess, Stop, StopReason};
 use crate::threads::spawn;

@@ -15,12 +15,12 @@ use std::f64::consts::PI;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::RobotSite;
-use super::protocol::{Kind, Live, LiveDevice, Refusal};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
     Battery, Entry, Inventory, LocalTree, NotAPort, Platform, PortAddress, StopAction, TachoMotor,
     Technology, Tree,
 };
+use crate::protocol::{Kind, Live, LiveDevice, Refusal};
 use crate::robot::{LeasedMotor, RobotConfig};
 use crate::runtime::{Brick, HardwareLock, LockError};
 

@@ -9,10 +9,10 @@ use std::time::Duration;
 use super::core::{Inner, Service, clock_finding};
 use super::machine::Happening;
 use super::missions;
-use super::protocol::LastStop;
 use super::signs::{self, Shown, Signs};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree;
+use crate::protocol::LastStop;
 use crate::runtime::StopReason;
 use crate::threads::spawn;
 

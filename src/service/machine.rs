@@ -15,8 +15,8 @@
 //!
 //! No processes, no files, no clock: what happens is told by those who see it.
 
-use super::protocol::{LastStop, RunId, RunStatus, State};
 use crate::clock::seconds;
+use crate::protocol::{LastStop, RunId, RunStatus, State};
 use crate::recording;
 
 /// What happens to a brick.

@@ -8,10 +8,10 @@ use std::io;
 use std::path::Path;
 
 use super::digest::sha256_hex;
-use super::protocol::{Chosen, Kind, MAX_MISSION_BYTES, MissionInfo, Refusal};
 use crate::behavior::{Capabilities, Mission, shipped};
 use crate::document::{nearest_or_all, read_bounded};
 use crate::printable::line;
+use crate::protocol::{Chosen, Kind, MAX_MISSION_BYTES, MissionInfo, Refusal};
 use crate::robot::{DEFAULT_ROBOT, RobotConfig};
 use crate::runtime::Source;
 

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::protocol::{Kind, Refusal, SettingsChange};
 use super::store::{read_small, replace_file};
 use crate::behavior::Mission;
+use crate::protocol::{Kind, Refusal, SettingsChange};
 
 /// The file's name; no run can have it, because of its dot.
 const FILE: &str = "settings.json";

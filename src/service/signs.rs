@@ -18,9 +18,9 @@
 
 use std::sync::Arc;
 
-use super::protocol::State;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::{LightColour, Platform, Sound, StatusLights, Tree};
+use crate::protocol::State;
 
 /// A pulse's length, nanoseconds; half of it is dark.
 const PULSE_NS: i64 = SECOND_NS;

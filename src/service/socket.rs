@@ -1,7 +1,7 @@
 //! The local socket: a Unix socket with file permissions, for the menu, `onbrick run` and a
 //! person's scripts on the brick itself.
 //!
-//! Requests and replies are lines of JSON ([`protocol`](super::protocol)); after the reply to a
+//! Requests and replies are lines of JSON ([`protocol`](crate::protocol)); after the reply to a
 //! `fetch` come as many bytes as its `length` says. Requests of one connection are answered in
 //! their order.
 //!
@@ -25,11 +25,11 @@ use std::time::Duration;
 use nix::sys::socket::{getsockopt, sockopt::PeerCredentials};
 
 use super::config::SocketConfig;
-use super::protocol::{
+use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+use crate::protocol::{
     Answer, Asked, Caller, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Operations, Outcome,
     Refusal, Reply, parse_local,
 };
-use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::runtime::groups;
 use crate::threads::spawn;
 

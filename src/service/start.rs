@@ -10,9 +10,6 @@ use nix::unistd::Pid;
 use super::core::{Service, named};
 use super::hardware::taken;
 use super::machine::Happening;
-use super::protocol::{
-    Caller, Done, Kind, LastStop, Refusal, RunId, RunStatus, Start, Started, State, Stopped, whose,
-};
 use super::store::Record;
 use super::{missions, signs};
 use crate::behavior::Mission;
@@ -20,6 +17,9 @@ use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree as _;
 use crate::mapping::Pose;
 use crate::printable::{line, with_causes};
+use crate::protocol::{
+    Caller, Done, Kind, LastStop, Refusal, RunId, RunStatus, Start, Started, State, Stopped, whose,
+};
 use crate::recording;
 use crate::runtime::{
     HardwareLock, Job, LockError, OrphansError, PATIENCE_NS, RunProcess, StopBy, StopReason,

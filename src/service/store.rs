@@ -38,7 +38,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use nix::fcntl::Flock;
 
 use super::digest::sha256_hex_of;
-use super::protocol::{
+use crate::protocol::{
     Disk, Fetch, Fetched, Kind, LastStop, MAX_FETCH_BYTES, Refusal, RunId, RunInfo,
 };
 

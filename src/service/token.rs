@@ -18,8 +18,8 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 
 use sha2::{Digest, Sha256};
 
-use super::protocol::TOKEN_LIFE_NS;
 use crate::clock::seconds;
+use crate::protocol::TOKEN_LIFE_NS;
 
 /// Makes tokens and knows them again.
 #[derive(Clone)]

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use onbrick::clock::MILLISECOND_NS;
 use onbrick::ev3dev::Button;
 use onbrick::menu::{Canvas, Effect, Lane, Menu, MenuOptions, StartedBy, Trouble};
-use onbrick::service::protocol::{Answer, Caller, LocalRequest, Operations};
+use onbrick::protocol::{Answer, Caller, LocalRequest, Operations};
 
 use scripted::Scripted;
 

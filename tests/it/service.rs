@@ -10,12 +10,12 @@ use std::time::Duration;
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use onbrick::runtime::StopReason;
-use onbrick::service::client::{Client, ClientError};
-use onbrick::service::protocol::{
+use onbrick::protocol::{
     Chosen, Fetch, Kind, LocalOnly, Refusal, Request, RunId, RunInfo, Runs, Start, Started, State,
     Status, Stopped,
 };
+use onbrick::runtime::StopReason;
+use onbrick::service::client::{Client, ClientError};
 use serde::de::DeserializeOwned;
 
 use crate::support::real_time::beside_others;

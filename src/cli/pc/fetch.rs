@@ -9,8 +9,8 @@ use crate::cli::output::safe;
 use crate::cli::{Exit, Failure, Output};
 use crate::link::client::{MOST_BYTES, file_so_far};
 use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
+use crate::protocol::RunId;
 use crate::report::live::{Board, LivePage, Sources};
-use crate::service::protocol::RunId;
 
 /// Fetch recordings from bricks, byte for byte. The next call resumes a download that was cut; a
 /// run in progress is followed to its end.

@@ -14,7 +14,7 @@ use crate::cli::{Exit, Failure, Output};
 use crate::document::nearest;
 use crate::link::client::PATIENCE_S;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, KnownBricks, Patience, Team};
-use crate::service::protocol::Kind;
+use crate::protocol::Kind;
 
 /// Which bricks, and how long they may take.
 #[derive(Debug, Args)]

@@ -2,7 +2,7 @@
 
 use super::remote::{Bricks, Unnamed, conclude};
 use crate::cli::{Failure, Output};
-use crate::service::protocol::RunInfo;
+use crate::protocol::RunInfo;
 
 /// List the runs on bricks' disks, the newest first.
 ///

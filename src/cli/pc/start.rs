@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use super::remote::{Bricks, Unnamed, conclude};
 use crate::cli::common::{pose, read_bounded, setting};
 use crate::cli::{Failure, Output};
+use crate::protocol::{Chosen, MAX_MISSION_BYTES};
 use crate::runtime::Source;
-use crate::service::protocol::{Chosen, MAX_MISSION_BYTES};
 
 /// Start a mission on a brick: one that it has, by name, or a file of yours, which it checks as its
 /// own and keeps with the run.

@@ -2,7 +2,7 @@
 
 use super::remote::{Bricks, Unnamed, conclude};
 use crate::cli::{Failure, Output};
-use crate::service::protocol::{RunStatus, State, Status, whose};
+use crate::protocol::{RunStatus, State, Status, whose};
 
 /// Show the bricks' state: battery, what they do, or how their last run ended.
 ///

@@ -2,7 +2,7 @@
 
 use super::remote::{Bricks, Unnamed, conclude};
 use crate::cli::{Exit, Failure, Output};
-use crate::service::protocol::RunId;
+use crate::protocol::RunId;
 
 /// Stop what bricks do; answered when their motors have been told. Without a HOST, every brick that
 /// is known.

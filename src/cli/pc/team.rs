@@ -14,8 +14,8 @@ use crate::behavior::Capabilities;
 use crate::cli::common::{load_mission, make_folder, number_within, setting};
 use crate::cli::{Exit, Failure, Hint, Output};
 use crate::link::Team;
+use crate::protocol::Chosen;
 use crate::runtime::Source;
-use crate::service::protocol::Chosen;
 
 mod check;
 mod drive;

@@ -7,7 +7,7 @@ use super::remote::Asking;
 use super::status::word;
 use crate::clock::{Clock as _, MonotonicClock, SECOND_NS, nanoseconds, seconds, wall_ns};
 use crate::link::KnownBrick;
-use crate::service::protocol::{RunId, State, Status};
+use crate::protocol::{RunId, State, Status};
 
 /// How often the brick is asked, nanoseconds.
 const PACE_NS: i64 = SECOND_NS;

@@ -19,9 +19,9 @@ use crate::behavior::Mission;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, PacedClock};
 use crate::ev3dev::{Access, Tree};
 use crate::menu::{Canvas, ended_picture, running_picture};
+use crate::protocol::{LastStop, RunId, RunStatus};
 use crate::report::live::{Board, LivePage, Sources, Wish};
 use crate::runtime::{Brick, Ended, Event, Job, NoHeartbeat, StopBy, StopFlags, Stopper, execute};
-use crate::service::protocol::{LastStop, RunId, RunStatus};
 use crate::sim::Simulation;
 use crate::simulated::{Simulated, simulated_at};
 

@@ -15,15 +15,15 @@ use super::super::{Context, Exit, Failure, Output};
 use super::{Arguments, Happenings, RunFolder};
 use crate::behavior::Capabilities;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, wall_ns};
+use crate::protocol::{
+    Chosen, Fetch, LastStop, LocalOnly, MAX_FETCH_BYTES, MAX_MISSION_BYTES, Request, RunId,
+    RunInfo, Runs, Start, Started, Status, Stopped,
+};
 use crate::runtime::Event;
 use crate::service::Config;
 use crate::service::client::{Client, ClientError};
 use crate::service::config::BRICK_FOLDER;
 use crate::service::digest::sha256_hex_of;
-use crate::service::protocol::{
-    Chosen, Fetch, LastStop, LocalOnly, MAX_FETCH_BYTES, MAX_MISSION_BYTES, Request, RunId,
-    RunInfo, Runs, Start, Started, Status, Stopped,
-};
 
 /// How long one answer may take.
 const PATIENCE: Duration = Duration::from_secs(3);

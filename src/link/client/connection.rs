@@ -10,7 +10,7 @@ use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::held::Held;
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::monitor::Monitor;
-use crate::service::protocol::{MAX_FETCH_BYTES, Reply};
+use crate::protocol::{MAX_FETCH_BYTES, Reply};
 
 /// Milliseconds: until TCP has to be through, and until the brick has to have introduced itself.
 const CONNECT_MS: i32 = 5000;

@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use super::session::{Answered, Session, Waited};
 use super::{ClientError, Kind};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
+use crate::protocol::{Fetch, Fetched, MAX_FETCH_BYTES, Request, RunId};
 use crate::service::digest::sha256_hex_of;
-use crate::service::protocol::{Fetch, Fetched, MAX_FETCH_BYTES, Request, RunId};
 
 /// How long a piece is, bytes, and how many are under way at a time: together what a WiFi with a
 /// delay of 100 ms carries at 20 Mbit/s.

@@ -17,7 +17,7 @@ use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, SECOND_NS, second
 use crate::link::curve;
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::pairing::well_known_key;
-use crate::service::protocol::{Envelope, Id, Kind, Outcome, VERSION};
+use crate::protocol::{Envelope, Id, Kind, Outcome, VERSION};
 use crate::threads::spawn;
 
 /// How long one waits before one looks again, nanoseconds: the first time, and at most.

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use super::{KeyError, PublicKey, Replace, make_folder, open, write_private};
 use crate::document::Document;
-use crate::service::protocol::Name;
+use crate::protocol::Name;
 
 /// The folder of keys that may ask this machine.
 #[derive(Debug, Clone)]

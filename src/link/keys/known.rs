@@ -19,7 +19,7 @@ use crate::document::save::quoted;
 use crate::document::{Document, Item, Section};
 use crate::link::client::Address;
 use crate::printable::line;
-use crate::service::protocol::Name;
+use crate::protocol::Name;
 
 /// A brick that this PC knows.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use super::{Hex, PAIRING_PORT, Said, Side, Step, code, commitment, random, well_
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::client::{Address, ClientError, Patience, Session};
 use crate::link::keys::{KeyError, KeyPair, KnownBrick, KnownBricks, PublicKey};
-use crate::service::protocol::{Kind, Name, Refusal};
+use crate::protocol::{Kind, Name, Refusal};
 
 /// How often the brick is asked whether its person has answered, nanoseconds.
 const ASKED_NS: i64 = 500 * MILLISECOND_NS;

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::{Hex, Number, Said, Side, Step, code, commitment, random};
 use crate::clock::{Clock as _, MonotonicClock, SECOND_NS};
 use crate::link::keys::{Authorised, PublicKey};
-use crate::service::protocol::{Id, Kind, Name, NotUnderstood, Pairing, Refusal, VERSION};
+use crate::protocol::{Id, Kind, Name, NotUnderstood, Pairing, Refusal, VERSION};
 
 /// The longest time that the window is open, seconds.
 const LONGEST_S: u32 = 600;

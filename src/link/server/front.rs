@@ -13,7 +13,7 @@ use super::workers::{Job, Workers, framed, refused};
 use super::{LinkState, NAP_MS, ServerConfig, ServerError, Shared, zap};
 use crate::link::keys::{Authorised, KeyPair, PublicKey};
 use crate::link::pairing;
-use crate::service::protocol::{Kind, NotUnderstood, Operations, Outcome, Refusal, Request, parse};
+use crate::protocol::{Kind, NotUnderstood, Operations, Outcome, Refusal, Request, parse};
 
 /// Requests that may wait for their answer: of one connection, and of all.
 const MOST_WAITING_OF_ONE: usize = 16;
@@ -132,7 +132,7 @@ impl<'s> Front<'s> {
         envelope: &[Vec<u8>],
         key: Option<PublicKey>,
         payload: Option<zmq::Message>,
-    ) -> Result<(String, crate::service::protocol::Asked<Request>), NotUnderstood> {
+    ) -> Result<(String, crate::protocol::Asked<Request>), NotUnderstood> {
         let nameless = |refusal| NotUnderstood { id: None, refusal };
         let payload = payload.ok_or_else(|| {
             nameless(Refusal::new(Kind::BadRequest, "a request is one frame of JSON"))

@@ -11,7 +11,7 @@ use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::held::Held;
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::monitor::Monitor;
-use crate::service::protocol::MAX_REQUEST_BYTES;
+use crate::protocol::MAX_REQUEST_BYTES;
 
 /// Milliseconds: time to shake hands; how often a silent peer is asked whether it lives, and how
 /// long it may take to say so.

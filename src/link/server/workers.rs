@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
 use super::ServerError;
-use crate::service::protocol::{Asked, Caller, Id, Operations, Outcome, Refusal, Reply, Request};
+use crate::protocol::{Asked, Caller, Id, Operations, Outcome, Refusal, Reply, Request};
 use crate::threads::spawn;
 
 /// Where workers hand over what is to be sent.

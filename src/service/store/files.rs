@@ -9,7 +9,7 @@ use nix::sys::statvfs::{FsFlags, statvfs};
 use nix::unistd::{AccessFlags, access};
 
 use super::{Record, StoreError};
-use crate::service::protocol::RunId;
+use crate::protocol::RunId;
 
 /// What the service knows of a run.
 const RECORD: &str = "run.json";

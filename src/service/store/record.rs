@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::service::protocol::{LastStop, RunId, RunInfo};
+use crate::protocol::{LastStop, RunId, RunInfo};
 
 /// What the service knows of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

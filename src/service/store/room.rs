@@ -1,7 +1,7 @@
 //! Room for a run: which runs go when there is none.
 
 use super::{Entry, RESERVE_BYTES, Store, StoreError, files};
-use crate::service::protocol::RunId;
+use crate::protocol::RunId;
 
 impl Store {
     /// Bytes of all recordings.

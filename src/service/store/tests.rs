@@ -1,8 +1,8 @@
 //! The store over real folders.
 
 use super::*;
+use crate::protocol::MAX_FETCH_BYTES;
 use crate::runtime::StopReason;
-use crate::service::protocol::MAX_FETCH_BYTES;
 
 const MB: u64 = 1 << 20;
 

@@ -22,8 +22,8 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
+use onbrick::protocol::{Request, Status};
 use onbrick::service::client::Client;
-use onbrick::service::protocol::{Request, Status};
 
 mod job;
 mod menu;

@@ -11,7 +11,7 @@ use nix::time::{ClockId, clock_gettime};
 use onbrick::clock::MILLISECOND_NS;
 use onbrick::ev3dev::{Button, Screen};
 use onbrick::menu::{Lane, Menu, MenuOptions, StartedBy, WIDTH};
-use onbrick::service::protocol::{Answer, LocalOnly, LocalRequest, Request};
+use onbrick::protocol::{Answer, LocalOnly, LocalRequest, Request};
 use serde_json::{Value, json};
 
 const TURN_NS: i64 = 50 * MILLISECOND_NS;

@@ -3,7 +3,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use onbrick::service::protocol::{parse, parse_local};
+use onbrick::protocol::{parse, parse_local};
 
 fuzz_target!(|bytes: &[u8]| {
     let network = parse(bytes);

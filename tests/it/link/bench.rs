@@ -11,7 +11,7 @@ use onbrick::link::keys::Authorised;
 use onbrick::link::{
     Client, KeyPair, KnownBrick, KnownBricks, LinkState, Patience, PublicKey, Server, ServerConfig,
 };
-use onbrick::service::protocol::{
+use onbrick::protocol::{
     Answer, Caller, Disk, Done, Fetch, Fetched, Kind, Live, LiveDevice, LocalOnly, Missions, Name,
     Operations, Refusal, Request, RunId, Runs, Started, State, Status, Stopped,
 };

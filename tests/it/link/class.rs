@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use onbrick::link::{KeyPair, KnownBrick, KnownBricks};
-use onbrick::service::protocol::LiveDevice;
+use onbrick::protocol::LiveDevice;
 use serde_json::{Value, json};
 
 use super::bench::{Bench, Service, onbrick, until};

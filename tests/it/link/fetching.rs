@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use onbrick::link::{ClientError, Patience};
-use onbrick::service::protocol::{Kind, RunId};
+use onbrick::protocol::{Kind, RunId};
 
 use super::bench::{Bench, LONG, client_at, serve, until};
 

@@ -6,7 +6,7 @@ use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::time::Duration;
 
 use onbrick::link::KeyPair;
-use onbrick::service::protocol::{MAX_REQUEST_BYTES, parse};
+use onbrick::protocol::{MAX_REQUEST_BYTES, parse};
 use serde_json::{Value, json};
 
 use super::bench::{Bench, Service, halves, until};

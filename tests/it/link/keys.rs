@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use onbrick::link::client::Silence;
 use onbrick::link::pairing::pair;
 use onbrick::link::{ClientError, KeyPair, Patience};
-use onbrick::service::protocol::{Caller, Chosen, Kind, Name, Pairing};
+use onbrick::protocol::{Caller, Chosen, Kind, Name, Pairing};
 
 use super::bench::{Bench, client_at, onbrick, serve, text, until};
 use crate::support::pass_over;

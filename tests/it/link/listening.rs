@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use onbrick::link::{LinkState, Server, ServerConfig};
-use onbrick::service::protocol::{Name, Operations};
+use onbrick::protocol::{Name, Operations};
 
 use super::bench::{Fake, until};
 

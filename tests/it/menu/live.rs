@@ -15,10 +15,10 @@ use nix::sys::stat::Mode;
 use nix::unistd::{Pid, mkfifo};
 use onbrick::clock::MonotonicClock;
 use onbrick::ev3dev::Button;
-use onbrick::service::client::Client;
-use onbrick::service::protocol::{
+use onbrick::protocol::{
     Chosen, LocalOnly, Request, RunId, Start, Started, State, Status, Stopped,
 };
+use onbrick::service::client::Client;
 
 use crate::mount::bench::{Mounted, real_time};
 use crate::support::own_address;

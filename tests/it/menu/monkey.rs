@@ -7,9 +7,9 @@
 use onbrick::clock::MILLISECOND_NS;
 use onbrick::ev3dev::Button;
 use onbrick::menu::{StartedBy, Told};
+use onbrick::protocol::{Kind, Pairing, Refusal, State};
 use onbrick::runtime::StopReason;
 use onbrick::senses::Channel;
-use onbrick::service::protocol::{Kind, Pairing, Refusal, State};
 
 use super::Bench;
 use super::scripted::{last, mission};

@@ -7,10 +7,10 @@ use std::path::PathBuf;
 use nix::time::{ClockId, clock_gettime};
 use onbrick::ev3dev::Button;
 use onbrick::menu::{Canvas, HEIGHT, Menu, MenuOptions, StartedBy, TalkKind, Told, WIDTH};
+use onbrick::protocol::{Kind, Missions, Pairing, Refusal, Runs, State};
 use onbrick::recording;
 use onbrick::runtime::StopReason;
 use onbrick::senses::Channel;
-use onbrick::service::protocol::{Kind, Missions, Pairing, Refusal, Runs, State};
 
 use super::scripted::{last, mission, recorded, run_info};
 use super::{Bench, TURN_NS};

@@ -5,13 +5,13 @@ use std::sync::{Mutex, MutexGuard, OnceLock};
 
 use onbrick::clock::{MILLISECOND_NS, SECOND_NS, seconds};
 use onbrick::mapping::{Pose, Range};
-use onbrick::recording;
-use onbrick::runtime::StopReason;
-use onbrick::service::protocol::{
+use onbrick::protocol::{
     Answer, Caller, Chosen, Disk, Done, Fetch, Fetched, Kind, LastStop, Live, LiveDevice,
     LocalOnly, MissionInfo, Missions, Operations, Pairing, Refusal, Request, RunId, RunInfo,
     RunStatus, Runs, Settings, Start, Started, State, Status, Stopped,
 };
+use onbrick::recording;
+use onbrick::runtime::StopReason;
 use serde::Serialize;
 
 use crate::missions::play_in;

@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 
 use onbrick::ev3dev::Button;
 use onbrick::menu::StartedBy;
+use onbrick::protocol::{Kind, Pairing, Refusal, State};
 use onbrick::runtime::StopReason;
 use onbrick::senses::Channel;
-use onbrick::service::protocol::{Kind, Pairing, Refusal, State};
 
 use super::scripted::last;
 use super::{Bench, TURN_NS};

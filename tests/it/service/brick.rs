@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use onbrick::clock::MonotonicClock;
+use onbrick::protocol::{Kind, Live, LocalOnly, Request, State};
 use onbrick::recording::Run;
 use onbrick::runtime::HardwareLock;
 use onbrick::runtime::StopReason;
-use onbrick::service::protocol::{Kind, Live, LocalOnly, Request, State};
 
 use super::{Served, id, refused_as, short, start};
 use crate::commands::onbrick;
@@ -126,7 +126,7 @@ fn on_the_mounted_brick_the_lights_follow_the_state_and_a_button_ends_the_run() 
         std::fs::read_to_string(path).unwrap().trim() != "0"
     };
     await_or_fail("green for ready", || led("green") && !led("red"));
-    let pose = onbrick::service::protocol::Start { pose: Some([0.0; 3]), ..start("r", "straight") };
+    let pose = onbrick::protocol::Start { pose: Some([0.0; 3]), ..start("r", "straight") };
     served.own::<serde_json::Value>(&LocalOnly::StartHere(pose));
     await_or_fail("orange while it prepares", || led("green") && led("red"));
     let mut status = served.status();
@@ -155,7 +155,7 @@ fn on_the_mounted_brick_the_lights_follow_the_state_and_a_button_ends_the_run() 
     } else {
         await_or_fail("red for a fault", || !led("green") && led("red"));
     }
-    let status: onbrick::service::protocol::Status =
+    let status: onbrick::protocol::Status =
         served.client.ask(&Request::Status, Duration::from_secs(5)).unwrap();
     assert_eq!(status.last.unwrap().run, Some(id("r")));
 }

@@ -2,8 +2,8 @@
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+use onbrick::protocol::{State, Stopped};
 use onbrick::recording::{Run, Status, writer};
-use onbrick::service::protocol::{State, Stopped};
 
 use super::{Served, id, start};
 use crate::support::real_time::patiently;
@@ -71,9 +71,8 @@ fn a_run_that_goes_on() {
         now.states.iter().any(|(machine, state)| machine == "drive" && !state.is_empty()),
         "{now:?}"
     );
-    let other =
-        served.own_refused(&onbrick::service::protocol::LocalOnly::StartHere(start("b", "short")));
-    super::refused_as(&other, onbrick::service::protocol::Kind::Busy, run.as_str());
+    let other = served.own_refused(&onbrick::protocol::LocalOnly::StartHere(start("b", "short")));
+    super::refused_as(&other, onbrick::protocol::Kind::Busy, run.as_str());
     assert_eq!(served.stop(), Stopped { run: Some(run.clone()), stopped: true });
     assert_eq!(writer(&file).unwrap(), None);
     await_that("its end is noted", || served.status().run.is_none());
@@ -97,7 +96,7 @@ fn a_run_that_is_killed_is_a_fault_and_after_a_crash_of_everything_it_is_listed_
     await_that("the fault is seen", || served.status().state == State::Fault);
     let last = served.status().last.unwrap();
     assert!(!last.is_wanted() && last.run == Some(run.clone()), "{last:?}");
-    served.own::<serde_json::Value>(&onbrick::service::protocol::LocalOnly::Acknowledge);
+    served.own::<serde_json::Value>(&onbrick::protocol::LocalOnly::Acknowledge);
     assert_eq!(served.status().state, State::Ready);
 
     // As a power cut leaves it: a record without an end, a recording without one.

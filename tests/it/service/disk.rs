@@ -2,8 +2,8 @@
 
 use std::process::Command;
 
+use onbrick::protocol::{Kind, LocalOnly, State};
 use onbrick::runtime::StopReason;
-use onbrick::service::protocol::{Kind, LocalOnly, State};
 
 use super::{Served, folder, refused_as, start};
 use crate::commands::run;

@@ -5,9 +5,9 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::os::unix::net::{UnixDatagram, UnixStream};
 use std::time::Duration;
 
+use onbrick::protocol::{Kind, MAX_REQUEST_BYTES, Outcome, Reply, Request, State, Status};
 use onbrick::recording::Run;
 use onbrick::service::client::Client;
-use onbrick::service::protocol::{Kind, MAX_REQUEST_BYTES, Outcome, Reply, Request, State, Status};
 
 use super::{Served, folder};
 use crate::support::real_time::patiently;

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
+use onbrick::protocol::{Request, Status};
 use onbrick::service::client::Client;
-use onbrick::service::protocol::{Request, Status};
 
 use crate::support::pass_over;
 use crate::support::tested_program;

@@ -2,12 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use onbrick::recording::Run;
-use onbrick::runtime::StopReason;
-use onbrick::service::protocol::{
+use onbrick::protocol::{
     Chosen, Done, Fetch, Kind, LocalOnly, Missions, Request, Settings, SettingsChange, Start,
     State, Stopped,
 };
+use onbrick::recording::Run;
+use onbrick::runtime::StopReason;
 
 use super::{STRAIGHT, Served, id, refused_as, start};
 

@@ -26,9 +26,9 @@ use crate::cli::pc::scene::scene_of;
 use crate::link::client::{PORT, part_of};
 use crate::page::{Asked, Kind, Shown};
 use crate::printable::{self, with_causes};
+use crate::protocol::{Name, RunId, RunInfo};
 use crate::report::live::Wish;
 use crate::report::plot;
-use crate::service::protocol::{Name, RunId, RunInfo};
 use crate::sim::World;
 use crate::threads::spawn;
 

@@ -16,8 +16,8 @@ use crate::cli::pc::remote::failure;
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, nanoseconds};
 use crate::link::client::new_run_id;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, Patience};
+use crate::protocol::{Chosen, LiveDevice, RunId, RunInfo, State, Status, Stopped};
 use crate::report::live::{Board, Wish};
-use crate::service::protocol::{Chosen, LiveDevice, RunId, RunInfo, State, Status, Stopped};
 use crate::threads::spawn;
 
 /// How often a brick is asked how it is, nanoseconds: as a rule, and until it stands still that was
@@ -127,7 +127,7 @@ impl Brick {
         let (orders, ordered) = channel();
         let board = Board::default();
         board.grants(&[Wish::Stop]);
-        let name = crate::service::protocol::Name::nearest(&known.name);
+        let name = crate::protocol::Name::nearest(&known.name);
         let brick = Arc::new(Self {
             known: known.clone(),
             own: own.clone(),

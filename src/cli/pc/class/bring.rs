@@ -12,8 +12,8 @@ use super::brick::Brick;
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::link::client::file_so_far;
 use crate::link::{ClientError, FetchProgress, Patience};
+use crate::protocol::{Kind, RunId};
 use crate::report::live::Sources;
-use crate::service::protocol::{Kind, RunId};
 use crate::threads::spawn;
 
 /// How long a brick may be away before a fetch is tried from scratch, seconds.

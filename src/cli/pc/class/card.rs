@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::brick::{Brick, Said, Seen, Stopping};
 use crate::cli::pc::status::{battery, going, word};
 use crate::clock::seconds;
-use crate::service::protocol::{State, Status};
+use crate::protocol::{State, Status};
 
 /// What one brick's card shows. The page orders cards by `wrong`: 2 is wrong, 1 worth a look, 0 in
 /// order.

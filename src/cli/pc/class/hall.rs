@@ -14,7 +14,7 @@ use super::together::Together;
 use crate::clock::{Clock as _, MonotonicClock};
 use crate::link::{KeyPair, KnownBrick};
 use crate::printable;
-use crate::service::protocol::MAX_MISSION_BYTES;
+use crate::protocol::MAX_MISSION_BYTES;
 use crate::threads::spawn;
 
 /// All of it.

@@ -23,9 +23,9 @@ use crate::cli::{Failure, Output};
 use crate::clock::{MILLISECOND_NS, wall_ns};
 use crate::document::save;
 use crate::printable::with_causes;
+use crate::protocol::{MAX_MISSION_BYTES, Name};
 use crate::report::live::{Board, Sources, Wish};
 use crate::runtime::{Brick, Job, Source, StopBy, StopFlags};
-use crate::service::protocol::{MAX_MISSION_BYTES, Name};
 
 /// What a new mission is called among the templates.
 const TEMPLATE: &str = "template";

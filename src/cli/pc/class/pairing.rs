@@ -16,7 +16,7 @@ use crate::link::discover::{Announced, discover};
 use crate::link::pairing::{Introduced, pair};
 use crate::link::{KeyPair, KnownBrick, KnownBricks, Patience};
 use crate::printable::with_causes;
-use crate::service::protocol::Name;
+use crate::protocol::Name;
 
 /// How long one listens, seconds, and how long after it one listens again, nanoseconds.
 const LISTEN_S: f64 = 4.0;

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 use super::brick::Brick;
 use super::hall::Hall;
-use crate::service::protocol::State;
+use crate::protocol::State;
 
 /// Start poses nearer to each other than this are a mistake, metres: a robot is longer.
 const SAME_PLACE_M: f64 = 0.1;

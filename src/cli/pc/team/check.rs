@@ -10,7 +10,7 @@ use super::Wanted;
 use crate::cli::{Exit, Failure, Output};
 use crate::document::nearest;
 use crate::link::{ClientError, KnownBrick};
-use crate::service::protocol::{Chosen, LastStop, MissionInfo, Missions, State, Status, whose};
+use crate::protocol::{Chosen, LastStop, MissionInfo, Missions, State, Status, whose};
 
 /// What was found about one brick.
 #[derive(Debug)]
@@ -223,8 +223,8 @@ pub(super) fn verdict(checked: &[Checked]) -> Result<(), Failure> {
 mod tests {
     use super::*;
     use crate::link::PublicKey;
+    use crate::protocol::Disk;
     use crate::runtime::StopReason;
-    use crate::service::protocol::Disk;
 
     fn status(version: &str) -> Status {
         Status {

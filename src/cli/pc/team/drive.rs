@@ -14,7 +14,7 @@ use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, SECOND_NS, wall_n
 use crate::link::client::{new_run_id, part_of};
 use crate::link::team::Member;
 use crate::link::{Client, ClientError, KnownBrick};
-use crate::service::protocol::{Kind, LastStop, NoRunId, RunId};
+use crate::protocol::{Kind, LastStop, NoRunId, RunId};
 
 /// How often bars and signals are looked at, and how often a program is told how it goes,
 /// nanoseconds.

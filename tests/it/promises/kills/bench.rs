@@ -16,11 +16,11 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use onbrick::ev3dev::LocalTree;
+use onbrick::protocol::{Request, Stopped};
 use onbrick::recording;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::{Brick, HardwareLock, Job, Source};
 use onbrick::service::client::Client;
-use onbrick::service::protocol::{Request, Stopped};
 use onbrick::sim::{DeviceFault, Port, World, WorldPhysics};
 
 use super::super::witness::{Seen, Witness};

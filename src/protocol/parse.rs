@@ -144,7 +144,7 @@ fn said(error: &serde_json::Error) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::service::protocol::{Chosen, Outcome, Reply, RunId};
+    use crate::protocol::{Chosen, Outcome, Reply, RunId};
 
     fn refused(text: &[u8]) -> NotUnderstood {
         parse(text).unwrap_err()

@@ -216,6 +216,7 @@ pub enum LocalRequest {
 }
 
 /// A request in its envelope, as a client sends it.
+#[cfg(feature = "cli")]
 #[derive(Debug, Serialize)]
 pub(crate) struct Envelope<'r, R> {
     pub(crate) version: u32,
