@@ -49,8 +49,11 @@ fn demo_leaves_its_files_and_the_same_seed_gives_the_same_bytes() {
         for (at_the_end, most) in
             [("pose_error_m", "most_pose_error_m"), ("heading_error_deg", "most_heading_error_deg")]
         {
-            assert!(quality[most].as_f64() > quality[at_the_end].as_f64(), "{quality}");
+            assert!(quality[most].as_f64() >= quality[at_the_end].as_f64(), "{quality}");
         }
+        // The pose may be worst at the end, the heading is not: the robot has turned back.
+        let worst_deg = quality["most_heading_error_deg"].as_f64();
+        assert!(worst_deg > quality["heading_error_deg"].as_f64(), "{quality}");
     }
     let read = |out: &str, file: &str| std::fs::read(folder.path().join(out).join(file)).unwrap();
     for file in FILES {
