@@ -24,6 +24,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::printable;
+use crate::units::counted;
 
 mod finding;
 mod kind;
@@ -404,7 +405,11 @@ impl<'d> Item<'d> {
         let list = self.list()?;
         let numbers: Vec<f64> = list.iter().filter_map(|item| item.number(range.clone())).collect();
         if list.len() != N {
-            self.error(format!("`{}` has {} values; it takes {N}", self.path, list.len()));
+            self.error(format!(
+                "`{}` has {}; it takes {N}",
+                self.path,
+                counted(list.len(), "value")
+            ));
             return None;
         }
         numbers.try_into().ok()
