@@ -165,9 +165,22 @@ fn conclude(ended: &Ended, output: &mut Output) -> Result<(), Failure> {
     if ended.stop.reason.is_wanted() {
         Ok(())
     } else {
-        Err(Failure::new(Exit::Failed, ended.stop.to_string())
-            .hint(format!("onbrick replay {}", file.display())))
+        Err(ended_badly(ended.stop.to_string(), file, output.is_one_screen()))
     }
+}
+
+/// A run came to no good end, which the line before has said.
+///
+/// - `seen`: that line stands right above.
+fn ended_badly(why: String, file: &Path, seen: bool) -> Failure {
+    let message =
+        if seen { "the run did not come to a good end, as said above".into() } else { why };
+    let file = file.display();
+    Failure::new(Exit::Failed, message).hint(if cfg!(feature = "host") {
+        format!("onbrick plot {file} -o run.html, to see where it was; onbrick replay {file}")
+    } else {
+        format!("onbrick replay {file}")
+    })
 }
 
 /// Where the robot is, and its pose at the start where the world says it.
@@ -288,4 +301,19 @@ fn forward_signals(run: Stopper) -> Result<(), Failure> {
         }
     });
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn why_a_run_ended_badly_is_not_said_twice_on_one_screen() {
+        let said = |seen| ended_badly("it fell".to_owned(), Path::new("r.mcap"), seen).to_text();
+        assert!(said(false).starts_with("error: it fell\n  try: onbrick "), "{}", said(false));
+        assert!(!said(true).contains("it fell"), "{}", said(true));
+        for seen in [true, false] {
+            assert!(said(seen).ends_with("onbrick replay r.mcap"), "{}", said(seen));
+        }
+    }
 }

@@ -24,6 +24,7 @@ use crate::service::protocol::{
     Chosen, Fetch, LastStop, LocalOnly, MAX_FETCH_BYTES, MAX_MISSION_BYTES, Request, RunId,
     RunInfo, Runs, Start, Started, Status, Stopped,
 };
+use crate::units::counted;
 
 /// How long one answer may take.
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -173,17 +174,16 @@ fn finish(
     let (travelled_m, points) = (info.travelled_m, info.points);
     output.value(&Over { event: "ended", last: &last, travelled_m, points, file: Some(&file) });
     output.line(format!(
-        "{}: {:.2} m driven, {} points\nrecorded in {}",
+        "{}: {:.2} m driven, {}\nrecorded in {}",
         last,
         travelled_m.unwrap_or(0.0),
-        points.unwrap_or(0),
+        counted(points.unwrap_or(0), "point"),
         file.display()
     ));
     if last.is_wanted() {
         Ok(())
     } else {
-        Err(Failure::new(Exit::Failed, last.to_string())
-            .hint(format!("onbrick replay {}", file.display())))
+        Err(super::ended_badly(last.to_string(), &file, output.is_one_screen()))
     }
 }
 
