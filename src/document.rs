@@ -24,7 +24,6 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::printable;
-use crate::units::counted;
 
 mod finding;
 mod kind;
@@ -405,11 +404,8 @@ impl<'d> Item<'d> {
         let list = self.list()?;
         let numbers: Vec<f64> = list.iter().filter_map(|item| item.number(range.clone())).collect();
         if list.len() != N {
-            self.error(format!(
-                "`{}` has {}; it takes {N}",
-                self.path,
-                counted(list.len(), "value")
-            ));
+            let s = if list.len() == 1 { "" } else { "s" };
+            self.error(format!("`{}` has {} value{s}; it takes {N}", self.path, list.len()));
             return None;
         }
         numbers.try_into().ok()
