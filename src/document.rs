@@ -414,7 +414,8 @@ impl<'d> Item<'d> {
         let list = self.list()?;
         let numbers: Vec<f64> = list.iter().filter_map(|item| item.number(range.clone())).collect();
         if list.len() != N {
-            self.error(format!("`{}` has {} values; it takes {N}", self.path, list.len()));
+            let s = if list.len() == 1 { "" } else { "s" };
+            self.error(format!("`{}` has {} value{s}; it takes {N}", self.path, list.len()));
             return None;
         }
         numbers.try_into().ok()

@@ -50,8 +50,8 @@
 //! - A speed of 0.14 or 0.18 m/s: coverage as at 0.11 m/s, and three to five times the collisions.
 //! - Of a goal's score, each over 60 to 120 runs of 300 s: turns to it as 10 or 20 cm a radian,
 //!   gains of twice as much, none at all, not to stay with the last goal: the mean coverage changes
-//!   by less than half a per cent. Half again as much for how far from home it is: up to 2 % more in
-//!   two worlds, 4 % less where three rooms lie in a row.
+//!   by less than half a per cent. Half again as much for how far from home it is: up to 2 % more
+//!   in two worlds, 4 % less where three rooms lie in a row.
 //! - 0.06 m/s on narrow ways, or to take a way as wide though nothing was heard through it: none.
 //!
 //! # What it costs

@@ -28,6 +28,7 @@ use crate::document::{Document, Findings, read_bounded};
 use crate::ev3dev::LocalTree;
 use crate::mapping::{Method, Pose};
 use crate::recording;
+use crate::units::counted;
 
 mod battery;
 mod child;
@@ -284,14 +285,13 @@ impl std::fmt::Display for Ended {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "{}, after {:.1} s: {:.2} m driven, {} points, {} ticks ({} overruns, the latest {:.1} \
-             ms late)",
+            "{}, after {:.1} s: {:.2} m driven, {}, {} ({}, the latest {:.1} ms late)",
             self.stop,
             self.time_s,
             self.travelled_m,
-            self.points,
-            self.ticks,
-            self.overruns,
+            counted(self.points, "point"),
+            counted(self.ticks, "tick"),
+            counted(self.overruns, "overrun"),
             self.latest_s * 1e3
         )?;
         if let Some(recording) = &self.recording {
@@ -316,4 +316,31 @@ pub struct NoHeartbeat;
 
 impl Heartbeat for NoHeartbeat {
     fn beat(&mut self, _now_ns: i64) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_runs_end_counts_one_thing_as_one() {
+        let of = |count| {
+            Ended {
+                stop: StopReason::Finished.into(),
+                stopped: true,
+                ticks: count,
+                time_s: 0.02,
+                travelled_m: 0.0,
+                points: count,
+                overruns: count,
+                latest_s: 0.0,
+                file: "run.mcap".into(),
+                recording: None,
+            }
+            .to_string()
+        };
+        let end = "after 0.0 s: 0.00 m driven, 1 point, 1 tick (1 overrun, the latest 0.0 ms late)";
+        assert!(of(1).ends_with(end), "{}", of(1));
+        assert!(of(2).contains(" 2 points, 2 ticks (2 overruns, "), "{}", of(2));
+    }
 }

@@ -5,6 +5,7 @@
 //! of number would be mixed up: at the border to the kernel's files.
 
 use std::f64::consts::PI;
+use std::fmt;
 
 /// A motor's duty cycle, percent: −100 to 100. One beyond cannot exist.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
@@ -107,10 +108,26 @@ pub fn count(things: usize) -> f64 {
     things as f64
 }
 
+/// How many there are, for people: `1 point`, `2 points`.
+///
+/// - `thing`: one of them, a noun that takes an s.
+#[must_use]
+pub fn counted<N: fmt::Display + PartialEq + From<u8>>(count: N, thing: &str) -> String {
+    let s = if count == N::from(1) { "" } else { "s" };
+    format!("{count} {thing}{s}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn one_thing_is_no_things() {
+        let texts = [0, 1, 2].map(|count| counted(count, "point"));
+        assert_eq!(texts, ["0 points", "1 point", "2 points"]);
+        assert_eq!(counted(1_usize, "brick"), "1 brick");
+    }
 
     proptest! {
         #[test]

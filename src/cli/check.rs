@@ -8,6 +8,7 @@ use super::common::{load_robot, read_mission};
 use super::{Failure, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::document::Finding;
+use crate::units::counted;
 
 /// Check missions: names, conditions, states that cannot be reached or left.
 ///
@@ -87,10 +88,7 @@ fn summary(mission: &Mission) -> String {
     let machines: Vec<String> = mission
         .machines()
         .iter()
-        .map(|machine| match machine.states.len() {
-            1 => format!("{} (1 state)", machine.name),
-            states => format!("{} ({states} states)", machine.name),
-        })
+        .map(|machine| format!("{} ({})", machine.name, counted(machine.states.len(), "state")))
         .collect();
     format!(
         "in order: {}, {} Hz, {} s at most",

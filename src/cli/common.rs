@@ -376,10 +376,10 @@ impl Progress {
             u64::try_from(status.elapsed_ns / crate::clock::MILLISECOND_NS).unwrap_or(0),
         );
         let message = format!(
-            "{:.0} s, {:.1} m, {} points; {states}{}{}",
+            "{:.0} s, {:.1} m, {}; {states}{}{}",
             crate::clock::seconds(status.elapsed_ns),
             status.travelled_m,
-            status.points,
+            crate::units::counted(status.points, "point"),
             status.said.iter().map(|line| format!("; {line}")).collect::<String>(),
             status.warning.as_ref().map(|warning| format!("; {warning}")).unwrap_or_default()
         );

@@ -12,6 +12,7 @@ use crate::commissioning::{Patient, Verdict, examine};
 use crate::ev3dev::Tree;
 use crate::robot::DEFAULT_ROBOT;
 use crate::runtime::Source;
+use crate::units::counted;
 
 /// Look at everything that a run needs, before anything moves.
 ///
@@ -58,15 +59,13 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     let warnings = match diagnosis.count(Verdict::Warning) {
         0 => String::new(),
-        1 => "; 1 warning".to_owned(),
-        more => format!("; {more} warnings"),
+        warnings => format!("; {}", counted(warnings, "warning")),
     };
     match diagnosis.count(Verdict::Failed) {
         0 => {
             output.line(format!("ready to drive{warnings}"));
             Ok(())
         }
-        1 => Err(Failure::refused(format!("1 check failed{warnings}"))),
-        more => Err(Failure::refused(format!("{more} checks failed{warnings}"))),
+        failed => Err(Failure::refused(format!("{} failed{warnings}", counted(failed, "check")))),
     }
 }

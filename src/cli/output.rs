@@ -155,6 +155,12 @@ impl Output {
         !self.json && io::stderr().is_terminal()
     }
 
+    /// True where a person sees in one place what is printed and why it failed.
+    #[must_use]
+    pub fn is_one_screen(&self) -> bool {
+        !self.json && io::stdout().is_terminal() && io::stderr().is_terminal()
+    }
+
     /// Prints a line of text for people; nothing where a program reads.
     pub fn line(&mut self, text: impl AsRef<str>) {
         if !self.json {

@@ -10,7 +10,7 @@ use super::{Exit, Failure, Output};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::commissioning::Dialogue as _;
 #[cfg(feature = "host")]
-use crate::link::pairing::Introduced;
+use crate::link::pairing::{Introduced, names_a_port};
 #[cfg(feature = "host")]
 use crate::link::{ClientError, KnownBrick, KnownBricks};
 #[cfg(feature = "host")]
@@ -23,13 +23,16 @@ use crate::service::config::BRICK_FOLDER;
 ///
 /// Examples:
 ///   onbrick pair ev3-blue.local            on the PC
+///   onbrick pair 10.0.0.7:6001 --port 6000       with `pairing_port = 6001` and `port = 6000` in
+///                                          [link] of the brick's onbrick.toml
 ///   onbrick pair                           on the brick, if no menu can open the window
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// The brick's address; without it, this is the brick, and its pairing window is opened.
+    /// The brick's address, and after a colon its `pairing_port`, where that is not 5671; without
+    /// HOST, this is the brick, and its pairing window is opened.
     #[cfg(feature = "host")]
-    #[arg(value_name = "HOST")]
+    #[arg(value_name = "HOST[:PAIRING_PORT]")]
     host: Option<String>,
     /// On the brick: the folder of onbrick.toml.
     #[arg(long, value_name = "DIR", default_value = BRICK_FOLDER)]
@@ -41,7 +44,7 @@ pub(super) struct Arguments {
     #[cfg(feature = "host")]
     #[arg(long)]
     name: Option<Name>,
-    /// On the PC: the port of requests, where that is not 5670.
+    /// On the PC: the brick's `port`, which all other commands use, where that is not 5670.
     #[cfg(feature = "host")]
     #[arg(long)]
     port: Option<u16>,
@@ -109,6 +112,13 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
         .map_err(|error| kept.as_ref().map_or_else(|| not_introduced(host, &error), stays))?;
     let brick = introduced.keep(&mut known, host, arguments.port)?;
     let fingerprint = brick.key.fingerprint();
+    if arguments.port.is_none() && names_a_port(host) {
+        log::warn!(
+            "the port in {host} was for pairing only; all other commands ask {} at port 5670: if \
+             its onbrick.toml has another `port`, pair once more with --port",
+            brick.name
+        );
+    }
     output.show(
         format!("{} is known from now on: {} ({fingerprint})", brick.name, known.path().display()),
         &serde_json::json!({
@@ -137,8 +147,18 @@ fn not_introduced(host: &str, error: &ClientError) -> Failure {
         ClientError::Refused(_) | ClientError::NotAuthorised { .. } => Exit::Refused,
         _ => Exit::Failed,
     };
-    Failure::from_error(exit, &format!("{host} was not introduced"), error)
-        .hint("open the pairing window on the brick first: in its menu, or `onbrick pair` there")
+    Failure::from_error(exit, &format!("{host} was not introduced"), error).hint(
+        if names_a_port(host) {
+            format!(
+                "is the port in {host} the brick's `pairing_port`, and not its `port`? Open the \
+                 pairing window first: in its menu, or `onbrick pair` there"
+            )
+        } else {
+            "open the pairing window on the brick first: in its menu, or `onbrick pair` there; \
+             HOST:PORT, if its onbrick.toml has another `pairing_port` than 5671"
+                .to_owned()
+        },
+    )
 }
 
 /// The brick's side, for a brick whose menu is not at hand.

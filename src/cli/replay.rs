@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::common::{WRITABLE, load_robot, must_be_new, open_run};
 use super::{Exit, Failure, Output};
 use crate::runtime::{ReplayError, Replayed, replay, replay_with};
+use crate::units::counted;
 
 /// Run estimator and machines again on what a run recorded, and compare; or see what another
 /// robot.toml makes of it.
@@ -56,10 +57,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
                 .collect();
             let worst = failures.iter().map(|failure| failure.exit).max_by_key(|exit| *exit as u8);
             worst.map_or(Ok(()), |exit| {
-                let (failed, all) = (failures.len(), several.len());
+                let (failed, all) = (failures.len(), counted(several.len(), "recording"));
                 Err(Failure::new(
                     exit,
-                    format!("{failed} of {all} recordings did not replay as they were made"),
+                    format!("{failed} of {all} did not replay as they were made"),
                 ))
             })
         }

@@ -165,9 +165,31 @@ fn conclude(ended: &Ended, output: &mut Output) -> Result<(), Failure> {
     if ended.stop.reason.is_wanted() {
         Ok(())
     } else {
-        Err(Failure::new(Exit::Failed, ended.stop.to_string())
-            .hint(format!("onbrick replay {}", file.display())))
+        Err(ended_badly(ended.stop.to_string(), file, output))
     }
+}
+
+/// A run came to no good end, which the line before has said.
+fn ended_badly(why: String, file: &Path, output: &Output) -> Failure {
+    let failure = bad_end(why, file, output.is_one_screen());
+    // What programs read stays as it was.
+    if output.is_json() {
+        failure.hint(format!("onbrick replay {}", file.display()))
+    } else {
+        failure
+    }
+}
+
+/// - `seen`: the line that says why stands right above.
+fn bad_end(why: String, file: &Path, seen: bool) -> Failure {
+    let message =
+        if seen { "the run did not come to a good end, as said above".into() } else { why };
+    let file = file.display();
+    Failure::new(Exit::Failed, message).hint(if cfg!(feature = "host") {
+        format!("onbrick plot {file} -o run.html, to see where it was; onbrick replay {file}")
+    } else {
+        format!("onbrick replay {file}")
+    })
 }
 
 /// Where the robot is, and its pose at the start where the world says it.
@@ -288,4 +310,25 @@ fn forward_signals(run: Stopper) -> Result<(), Failure> {
         }
     });
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn why_a_run_ended_badly_is_not_said_twice_on_one_screen() {
+        let said = |seen| bad_end("it fell".to_owned(), Path::new("r.mcap"), seen).to_text();
+        assert!(said(false).starts_with("error: it fell\n  try: onbrick "), "{}", said(false));
+        assert!(!said(true).contains("it fell"), "{}", said(true));
+        for seen in [true, false] {
+            assert!(said(seen).ends_with("onbrick replay r.mcap"), "{}", said(seen));
+        }
+    }
+
+    #[test]
+    fn a_program_reads_why_a_run_ended_badly_as_ever() {
+        let failure = ended_badly("it fell".to_owned(), Path::new("r.mcap"), &Output::new(true));
+        assert_eq!(failure.to_text(), "error: it fell\n  try: onbrick replay r.mcap");
+    }
 }

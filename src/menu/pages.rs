@@ -10,6 +10,7 @@ use crate::mapping::Range;
 use crate::protocol::{
     LastStop, LiveDevice, MissionInfo, Pairing, RunId, RunInfo, RunStatus, State,
 };
+use crate::units::counted;
 
 impl Menu {
     /// Draws what is on the screen.
@@ -271,7 +272,7 @@ pub(super) fn progress(sheet: Sheet, run: &RunStatus) -> Sheet {
     sheet
         .lines(states)
         .line(format!("{range}{:.0}°", within_turn(progress.pose.heading_rad.to_degrees())))
-        .line(format!("{:.1} m, {} points", progress.travelled_m, progress.points))
+        .line(format!("{:.1} m, {}", progress.travelled_m, counted(progress.points, "point")))
         .lines(&progress.warning)
 }
 
@@ -333,7 +334,8 @@ fn run_line(run: &RunInfo) -> String {
         Some(end) => end.stop.reason.word(),
         None => "was cut".to_owned(),
     };
-    let points = run.points.map_or_else(String::new, |points| format!(", {points} pts"));
+    let points =
+        run.points.map_or_else(String::new, |points| format!(", {}", counted(points, "pt")));
     format!("{} {}: {end}{points}", run.number, run.mission)
 }
 

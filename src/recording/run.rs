@@ -16,6 +16,7 @@ use super::walk::{Found, Integrity, walk};
 use crate::behavior::Taken;
 use crate::mapping::{self, Keyframe, MapPoint, Method, Pose, Range, Sight};
 use crate::senses::{Channel, Reading, Senses};
+use crate::units::counted;
 
 /// The longest file that is read: about a day of a run.
 const MAX_BYTES: u64 = 2 << 30;
@@ -329,16 +330,20 @@ fn warnings(integrity: &Integrity, undecoded: u64, ended: bool) -> Vec<String> {
     let mut warnings = Vec::new();
     for range in &integrity.damaged {
         let (start, length) = (range.start, range.end - range.start);
-        warnings.push(format!("{length} bytes from byte {start} on are damaged and were left out"));
+        let (bytes, are, were) = match length {
+            1 => ("1 byte".to_owned(), "is", "was"),
+            _ => (counted(length, "byte"), "are", "were"),
+        };
+        warnings.push(format!("{bytes} from byte {start} on {are} damaged and {were} left out"));
     }
     if !integrity.complete {
-        let length = integrity.bytes;
-        warnings
-            .push(format!("the file was cut after {length} bytes: the recorder did not finish it"));
+        let bytes = counted(integrity.bytes, "byte");
+        warnings.push(format!("the file was cut after {bytes}: the recorder did not finish it"));
     }
     if undecoded > 0 {
         warnings.push(format!(
-            "{undecoded} records could not be understood; is this version older than the file?"
+            "{} could not be understood; is this version older than the file?",
+            counted(undecoded, "record")
         ));
     }
     if integrity.complete && !ended {

@@ -529,7 +529,7 @@ mod tests {
         let cases = [
             ("track_width_m", "track_widht_m", "did you mean `track_width_m`?"),
             ("gear = [-12, 36]", "gear = [0, 36]", "each number is at least 1"),
-            ("gear = [-12, 36]", "gear = [-12]", "has 1 values; it takes 2"),
+            ("gear = [-12, 36]", "gear = [-12]", "has 1 value; it takes 2"),
             ("max_dps = 360", "max_dps = nan", "`drive.max_dps` is NaN"),
             ("max_dps = 360", "max_dps = -5", "it can be 1 to 15600"),
             ("port = \"in4\"", "port = \"in1\"", "`gyro` and `range` are both on in1"),

@@ -343,6 +343,11 @@ impl Control<'_> {
         } else if self.recorder.failed() {
             step.end = Some(StopReason::Recording);
         }
+        if step.end.is_none() && senses.tick == 0 && self.guard.is_some() {
+            // From here on motors may turn: the guard waits for the first beat longer than for all
+            // others.
+            self.heartbeat.beat(time_ns);
+        }
         match step.end {
             None => self.robot.act(demands, time_ns),
             Some(_) => self.robot.show(demands),

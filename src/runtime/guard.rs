@@ -7,9 +7,12 @@
 //! run's motors itself ([`still`](crate::robot::still)).
 //!
 //! ```text
-//! preparing ──driving──▶ driving ──stopped──▶ finishing ──last word──▶ over
-//!  no beats               200 ms               a minute                 ten seconds to be gone
+//! preparing ─driving─▶ starting ─beat─▶ driving ─stopped─▶ finishing ─last word─▶ over
+//!  no beats             5 s              200 ms             a minute               10 s to be gone
 //! ```
+//!
+//! Control beats for the first time before it commands a motor for the first time: as long as it
+//! starts, nothing turns, and a machine that is busy may take its time.
 //!
 //! Control counts the guard's beats ([`Pulse`]) and ends the run when none comes: a robot without a
 //! guard does not drive.
@@ -30,6 +33,10 @@ use crate::recording::Status;
 
 /// How long after its last heartbeat guard or control counts as hung, nanoseconds.
 pub const MISSED_NS: i64 = 200 * MILLISECOND_NS;
+
+/// How long control may take from the word that it drives to its first beat, nanoseconds: it senses
+/// and decides for the first time, and has not commanded a motor yet.
+const STARTING_NS: i64 = 5 * SECOND_NS;
 
 /// How long the recording may take to finish after the motors were stopped, nanoseconds: a slow
 /// card syncs in seconds.
@@ -55,6 +62,8 @@ const LONGEST_LINE: usize = 4 << 20;
 enum Phase {
     /// Nothing moves yet, and nothing beats.
     Preparing,
+    /// It is about to drive: its first beat comes before anything moves.
+    Starting,
     /// It drives and beats.
     Driving,
     /// The motors were stopped.
@@ -119,7 +128,8 @@ impl Watch {
     /// Takes in a line of control's, without its end; the event that was in it, which is to be
     /// passed on. An empty line is a heartbeat.
     pub fn hear(&mut self, line: &[u8], now_ns: i64) -> Option<Event> {
-        if self.phase == Phase::Driving {
+        if matches!(self.phase, Phase::Starting | Phase::Driving) {
+            self.phase = Phase::Driving;
             self.heard_ns = now_ns;
             self.excused_ns = 0;
         }
@@ -134,7 +144,7 @@ impl Watch {
             Event::Driving { motors, .. } => {
                 // An invalid address fits no motor.
                 self.motors = motors.iter().filter_map(|motor| motor.parse().ok()).collect();
-                Phase::Driving
+                Phase::Starting
             }
             Event::Status(status) => {
                 self.status = Some(status.clone());
@@ -156,6 +166,7 @@ impl Watch {
     pub fn deadline_ns(&self) -> Option<i64> {
         let patience_ns = match self.phase {
             Phase::Preparing => return None,
+            Phase::Starting => STARTING_NS,
             Phase::Driving => MISSED_NS,
             Phase::Finishing => FINISHING_NS,
             Phase::Over => LEAVING_NS,
@@ -309,7 +320,9 @@ mod tests {
         assert_eq!(watch.hear(b"", 1), None);
         assert_eq!(watch.deadline_ns(), None);
         assert_eq!(watch.hear(&line(&driving()), 10), Some(driving()));
-        assert_eq!(watch.deadline_ns(), Some(10 + MISSED_NS));
+        assert_eq!(watch.deadline_ns(), Some(10 + STARTING_NS), "nothing was commanded yet");
+        watch.hear(b"", 20);
+        assert_eq!(watch.deadline_ns(), Some(20 + MISSED_NS), "from the first beat on");
         watch.hear(b"", 30);
         assert_eq!(watch.deadline_ns(), Some(30 + MISSED_NS), "a beat");
         watch.hear(b"garbage", 40);
@@ -328,6 +341,9 @@ mod tests {
     fn what_the_guard_missed_itself_is_the_machines_doing_and_is_said_to_be() {
         let mut watch = watch();
         watch.hear(&line(&driving()), 0);
+        watch.excuse(SECOND_NS, 0);
+        assert_eq!(watch.deadline_ns(), Some(STARTING_NS), "which is not made longer");
+        watch.hear(b"", 0);
         watch.excuse(AWAY_NS - 1, 10);
         assert_eq!(watch.deadline_ns(), Some(MISSED_NS), "every sleeper is woken a little late");
         watch.excuse(SECOND_NS, SECOND_NS);

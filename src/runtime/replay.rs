@@ -20,6 +20,7 @@ use crate::document::Findings;
 use crate::mapping::{MapPoint, OccupancyGrid, Pose};
 use crate::robot::RobotConfig;
 use crate::senses::{Channel, QUANTITIES, Quantity, Role, Senses};
+use crate::units::counted;
 
 use super::Source;
 use super::pilot::{ChangedVariables, Pilot, PilotError, PilotState, Step};
@@ -231,10 +232,10 @@ impl fmt::Display for Remade {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} ticks: {:.2} m driven, {} points, ending at {:.3}, {:.3} m, {:.1} degrees",
-            self.ticks,
+            "{}: {:.2} m driven, {}, ending at {:.3}, {:.3} m, {:.1} degrees",
+            counted(self.ticks, "tick"),
             self.travelled_m,
-            self.points,
+            counted(self.points, "point"),
             self.end.x_m,
             self.end.y_m,
             crate::units::degrees(self.end.heading_rad)
@@ -462,29 +463,34 @@ impl fmt::Display for Replayed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} ticks replayed: {} poses, {} points and {} transitions the same, bit for bit",
-            self.ticks, self.poses, self.points, self.transitions
+            "{} replayed: {}, {} and {} the same, bit for bit",
+            counted(self.ticks, "tick"),
+            counted(self.poses, "pose"),
+            counted(self.points, "point"),
+            counted(self.transitions, "transition")
         )?;
         for (first, last) in &self.gaps {
             write!(f, "\nthe recording has no ticks {first} to {last}")?;
         }
         if self.skipped > 0 {
-            write!(
-                f,
-                "\n{} ticks after gaps were passed over, up to the next checkpoint",
-                self.skipped
-            )?;
+            let (ticks, were) =
+                (counted(self.skipped, "tick"), if self.skipped == 1 { "was" } else { "were" });
+            write!(f, "\n{ticks} after gaps {were} passed over, up to the next checkpoint")?;
         }
         if self.unrecorded > 0 {
+            let (what, them, they_depend) = match self.unrecorded {
+                1 => ("pose, point or transition", "it", "it depends"),
+                _ => ("poses, points and transitions", "them", "they depend"),
+            };
             write!(
                 f,
-                "\n{} poses, points and transitions could not be compared: the file no longer \
-                 has them, or the map that they depend on",
+                "\n{} {what} could not be compared: the file no longer has {them}, or the map \
+                 that {they_depend} on",
                 self.unrecorded
             )?;
         }
         if self.differing > 0 {
-            write!(f, "\n{} differences", self.differing)?;
+            write!(f, "\n{}", counted(self.differing, "difference"))?;
         }
         for difference in &self.differences {
             write!(f, "\ntick {}: {}", difference.tick, difference.what)?;

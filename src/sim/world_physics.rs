@@ -41,8 +41,8 @@ const SLIP_S: f64 = 0.5;
 /// A world has no place for that many robots: give it more start poses, or start fewer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "world `{world}` has {starts} start pose{}, not {robots}",
-    if *.starts == 1 { "" } else { "s" }
+    "world `{world}` has {}, not {robots}",
+    crate::units::counted(*.starts, "start pose")
 )]
 pub struct NoStartPose {
     /// The world's name.

@@ -19,7 +19,7 @@ use crate::recording::Run;
 use crate::robot::RobotConfig;
 use crate::runtime::{Brick, Job, NoHeartbeat, Source, execute};
 use crate::sim::{World, covered};
-use crate::units::{count, degrees, wrap_rad};
+use crate::units::{count, counted, degrees, wrap_rad};
 
 /// Let a simulated robot explore a room of cinder blocks, come home, and draw the map it makes.
 ///
@@ -113,11 +113,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let quality = quality(&loaded, &world)?;
     output.show(
         format!(
-            "map: {} points, {}\n{}\
+            "map: {}, {}\n{}\
              pose: {:.1} cm and {:.1} degrees from the true one at the end, after {:.2} m; \
              {:.1} cm and {:.1} degrees at most\n\
              wrote run.mcap, map.svg, map.png, points.csv and path.csv to {}",
-            quality.points,
+            counted(quality.points, "point"),
             from_walls(&quality),
             covered_walls(&quality),
             quality.pose_error_m * 100.0,

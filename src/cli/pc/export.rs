@@ -9,6 +9,7 @@ use crate::printable::with_causes;
 use crate::recording::Grid;
 use crate::report::timeline::{self, Timeline};
 use crate::report::{Scene, Track, export};
+use crate::units::counted;
 
 /// Write runs as CSV, PLY, or PGM with Nav2's YAML. The recording itself is MCAP, which viewers
 /// open.
@@ -113,9 +114,10 @@ fn grid(runs: &[LoadedRun]) -> Result<Grid, Failure> {
                 .iter()
                 .filter(|point| !recorded.has(point.x_m, point.y_m))
                 .count();
-            let (all, why) = (loaded.run.points.len(), with_causes(&error));
+            let (all, why) = (counted(loaded.run.points.len(), "point"), with_causes(&error));
+            let (lie, are) = if lost == 1 { ("lies", "is") } else { ("lie", "are") };
             log::warn!(
-                "{}: {lost} of {all} points lie beyond the recorded grid and are left out: {why}",
+                "{}: {lost} of {all} {lie} beyond the recorded grid and {are} left out: {why}",
                 loaded.name
             );
             Ok(recorded.clone())

@@ -11,6 +11,7 @@ use crate::link::client::{MOST_BYTES, file_so_far};
 use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
 use crate::protocol::RunId;
 use crate::report::live::{Board, LivePage, Sources};
+use crate::units::counted;
 
 /// Fetch recordings from bricks, byte for byte. The next call resumes a download that was cut; a
 /// run in progress is followed to its end.
@@ -143,7 +144,7 @@ fn bring(
 fn show(brick: &KnownBrick, brought: &Brought, output: &mut Output) {
     let already = if brought.was_there { " (was there already)" } else { "" };
     output.show(
-        format!("{}: {}, {} bytes{already}", brick.name, brought.file, brought.bytes),
+        format!("{}: {}, {}{already}", brick.name, brought.file, counted(brought.bytes, "byte")),
         &serde_json::json!({
             "brick": brick.name,
             "run": brought.run,

@@ -15,6 +15,7 @@ use crate::document::nearest;
 use crate::link::client::PATIENCE_S;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, KnownBricks, Patience, Team};
 use crate::protocol::Kind;
+use crate::units::counted;
 
 /// Which bricks, and how long they may take.
 #[derive(Debug, Args)]
@@ -216,7 +217,7 @@ pub(super) fn conclude<T>(
         }
     }
     let Some(first) = failures.first() else { return Ok(()) };
-    let message = format!("{} of {asked} bricks did not do it", failures.len());
+    let message = format!("{} of {} did not do it", failures.len(), counted(asked, "brick"));
     let hint = first.hint.clone();
     let all_alike =
         failures.len() == asked && failures.iter().all(|failure| failure.exit == first.exit);

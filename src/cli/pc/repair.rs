@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::cli::common::{must_be_new, open_run, read_file, write_file};
 use crate::cli::{Context, Exit, Failure, Output};
 use crate::report::export::{self, NamedRecording};
+use crate::units::counted;
 
 /// Make a whole file of a recording that was cut or damaged: all of it that is whole, in the order
 /// of time, with the summary that viewers seek by. A run that ended normally needs no repair.
@@ -51,6 +52,6 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     write_file(&out, &whole)?;
     let told = serde_json::json!({ "wrote": out, "messages": messages });
-    output.show(format!("wrote {}: {messages} messages", out.display()), &told);
+    output.show(format!("wrote {}: {}", out.display(), counted(messages, "message")), &told);
     Ok(())
 }

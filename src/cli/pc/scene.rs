@@ -8,7 +8,7 @@ use crate::printable;
 use crate::recording::Run;
 use crate::report::{Scene, Track, export, plot};
 use crate::sim::{Room, World};
-use crate::units::degrees;
+use crate::units::{counted, degrees};
 
 /// All runs in one picture, with what is known of the worlds that they were in.
 pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
@@ -20,7 +20,8 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
     correct(&mut scene);
     for (loaded, track) in runs.iter().zip(&scene.tracks) {
         let (found, stand) = (loaded.run.points.len(), track.points.len());
-        log::info!("{}: {stand} of {found} points are of what stands", track.name);
+        let (all, are) = (counted(found, "point"), if stand == 1 { "is" } else { "are" });
+        log::info!("{}: {stand} of {all} {are} of what stands", track.name);
     }
     scene.find_walls();
     let worlds: Vec<World> = runs.iter().filter_map(|loaded| world_of(&loaded.run)).collect();

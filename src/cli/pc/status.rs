@@ -3,6 +3,7 @@
 use super::remote::{Bricks, Unnamed, conclude};
 use crate::cli::{Failure, Output};
 use crate::protocol::{RunStatus, State, Status, whose};
+use crate::units::counted;
 
 /// Show the bricks' state: battery, what they do, or how their last run ended.
 ///
@@ -89,11 +90,11 @@ pub(super) fn going(run: &RunStatus) -> String {
             let states: Vec<&str> =
                 progress.states.iter().map(|(_, state)| state.as_str()).collect();
             format!(
-                "{:.0} of {:.0} s, {:.1} m, {} points; {}",
+                "{:.0} of {:.0} s, {:.1} m, {}; {}",
                 crate::clock::seconds(progress.elapsed_ns),
                 run.time_limit_s,
                 progress.travelled_m,
-                progress.points,
+                counted(progress.points, "point"),
                 states.join(", ")
             )
         }

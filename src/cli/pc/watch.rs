@@ -8,6 +8,7 @@ use super::status::word;
 use crate::clock::{Clock as _, MonotonicClock, SECOND_NS, nanoseconds, seconds, wall_ns};
 use crate::link::KnownBrick;
 use crate::protocol::{RunId, State, Status};
+use crate::units::counted;
 
 /// How often the brick is asked, nanoseconds.
 const PACE_NS: i64 = SECOND_NS;
@@ -140,7 +141,10 @@ impl Watch {
             Some(going) => {
                 let progress = going.progress.as_ref();
                 let (metres, points) = progress.map_or((0.0, 0), |at| (at.travelled_m, at.points));
-                format!("{}: {metres:.1} m, {points} points{battery}", word(status.state))
+                {
+                    let points = counted(points, "point");
+                    format!("{}: {metres:.1} m, {points}{battery}", word(status.state))
+                }
             }
             None => format!("{}{battery}", word(status.state)),
         }

@@ -24,6 +24,7 @@ use crate::service::Config;
 use crate::service::client::{Client, ClientError};
 use crate::service::config::BRICK_FOLDER;
 use crate::service::digest::sha256_hex_of;
+use crate::units::counted;
 
 /// How long one answer may take.
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -173,18 +174,13 @@ fn finish(
     let (travelled_m, points) = (info.travelled_m, info.points);
     output.value(&Over { event: "ended", last: &last, travelled_m, points, file: Some(&file) });
     output.line(format!(
-        "{}: {:.2} m driven, {} points\nrecorded in {}",
+        "{}: {:.2} m driven, {}\nrecorded in {}",
         last,
         travelled_m.unwrap_or(0.0),
-        points.unwrap_or(0),
+        counted(points.unwrap_or(0), "point"),
         file.display()
     ));
-    if last.is_wanted() {
-        Ok(())
-    } else {
-        Err(Failure::new(Exit::Failed, last.to_string())
-            .hint(format!("onbrick replay {}", file.display())))
-    }
+    if last.is_wanted() { Ok(()) } else { Err(super::ended_badly(last.to_string(), &file, output)) }
 }
 
 /// Looks at the run until it is over; asks it to stop where a signal comes.

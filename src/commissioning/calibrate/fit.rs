@@ -67,8 +67,8 @@ pub enum Kind {
 pub enum Doubt {
     /// There are not enough measurements.
     #[error(
-        "only {0} measurements were good; {FEWEST} are needed: more space, a plainer wall, and \
-         try again"
+        "only {} {were} good; {FEWEST} are needed: more space, a plainer wall, and try again",
+        units::counted(*.0, "measurement"), were = if *.0 == 1 { "was" } else { "were" }
     )]
     TooFew(usize),
     /// The measurements scatter.
@@ -210,12 +210,12 @@ impl fmt::Display for Measured {
         let unit = if self.kind == Kind::Ratio { "" } else { " m" };
         write!(
             f,
-            "{:.4}{unit} ± {:.4} (was {:.4}; {} measurements, {:.4} from the smallest to the \
+            "{:.4}{unit} ± {:.4} (was {:.4}; {}, {:.4} from the smallest to the \
              largest, {:.4} and {:.4} in the two directions)",
             self.after,
             self.standard_error,
             self.before,
-            self.count,
+            units::counted(self.count, "measurement"),
             self.spread,
             self.directions[0],
             self.directions[1]

@@ -3,6 +3,7 @@
 use crate::ev3dev::{Battery, Button, Buttons, DeviceError, Inventory, Sound, StatusLights};
 use crate::robot::{BatteryConfig, BatteryLimits, StopButton, stop_button_answers};
 use crate::runtime::{HardwareLock, LockError};
+use crate::units::counted;
 
 use super::{Diagnosis, Examination, with_causes};
 
@@ -24,7 +25,8 @@ pub(super) fn tree(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
         Ok(inventory) => {
             let devices = inventory.devices.iter().filter(|entry| entry.class != "lego-port");
             let what = examination.platform.what;
-            diagnosis.ok("brick", format!("{what}, {} devices below {root}", devices.count()));
+            let devices = counted(devices.count(), "device");
+            diagnosis.ok("brick", format!("{what}, {devices} below {root}"));
         }
     }
 }

@@ -42,6 +42,12 @@ impl Introduced {
     }
 }
 
+/// True where an address, as [`pair`] takes it, names a port.
+#[must_use]
+pub fn names_a_port(host: &str) -> bool {
+    Address::parse(host, PAIRING_PORT) == Address::parse(host, 0)
+}
+
 #[derive(Serialize)]
 struct Pair {
     op: &'static str,

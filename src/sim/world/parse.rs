@@ -107,9 +107,9 @@ fn shape(item: &Item<'_>, least: usize) -> Option<Vec<Point>> {
     let list = item.list()?;
     if list.len() < least || list.len() > World::MAX_THINGS {
         item.error(format!(
-            "`{}` has {} points; it takes {least} to {}",
+            "`{}` has {}; it takes {least} to {}",
             item.path(),
-            list.len(),
+            crate::units::counted(list.len(), "point"),
             World::MAX_THINGS
         ));
         return None;

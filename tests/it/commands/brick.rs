@@ -2,6 +2,7 @@
 //! started it, the motors end still.
 
 use std::io::{BufRead, BufReader, Write};
+use std::path::PathBuf;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
@@ -11,7 +12,7 @@ use onbrick::ev3dev::LocalTree;
 use onbrick::recording::Run;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::{
-    Brick, Environment, Heartbeat, Job, Source, StopFlags, StopReason, execute,
+    Brick, Environment, HardwareLock, Heartbeat, Job, Lock, Source, StopFlags, StopReason, execute,
 };
 use onbrick::sim::EventLayout;
 
@@ -575,6 +576,48 @@ impl Heartbeat for Failing {
         self.0 += 1;
         assert!(self.0 < 5, "a mistake, made on purpose");
     }
+}
+
+/// Notes each motor's last command at each beat.
+#[derive(Debug)]
+struct Commanded {
+    motors: Vec<PathBuf>,
+    at_beat: Vec<Vec<String>>,
+}
+
+impl Heartbeat for Commanded {
+    fn beat(&mut self, _now_ns: i64) {
+        let command = |path: &PathBuf| std::fs::read_to_string(path).unwrap().trim().to_owned();
+        self.at_beat.push(self.motors.iter().map(command).collect());
+    }
+}
+
+/// The guard waits longer for the first beat than for all others, which is no danger only as long
+/// as nothing has been commanded.
+#[test]
+fn promise_1_control_beats_for_its_guard_before_it_commands_a_motor() {
+    let brick = TurningBrick::new();
+    let folder = tempfile::tempdir().unwrap();
+    let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
+    let job = Job {
+        // Behind a guard, which gives no beat here: that ends the run.
+        lock: Lock::Inherited,
+        ..Job::new(
+            source("mission.toml", DRIVE),
+            source("robot.toml", DEFAULT_ROBOT),
+            Brick::Local(LocalTree::new(brick.root())),
+            folder.path().join("run.mcap"),
+        )
+    };
+    let _lock = HardwareLock::take(brick.root(), "a guard's work").unwrap();
+    let motors = MOTORS.map(|name| brick.path(&format!("tacho-motor/{name}"), "command"));
+    let mut seen = Commanded { motors: motors.to_vec(), at_beat: Vec::new() };
+    let environment = Environment::local(&LocalTree::new(brick.root()));
+    let ended = execute(&job, environment, &StopFlags::default(), &mut seen, |_| {}).unwrap();
+    assert!(!ended.stop.reason.is_wanted() && ended.stopped, "{ended}");
+    let [first, second, ..] = &seen.at_beat[..] else { panic!("{:?}", seen.at_beat) };
+    assert!(first.iter().all(|command| command == "reset"), "{first:?}");
+    assert!(second.iter().any(|command| command == "run-timed"), "{second:?}");
 }
 
 #[test]

@@ -127,6 +127,11 @@ fn refusals_and_silence_have_exit_codes_and_a_way_out() {
     service.kill();
     refused(service.pc(&["stop", "--timeout", "1"]), 4, "no answer from");
     refused(service.pc(&["pair", &service.address, "--timeout", "1"]), 4, "was not introduced");
+    refused(service.pc(&["pair", &service.address, "--timeout", "1"]), 4, "HOST:PORT");
+    let of_requests = format!("{}:5670", service.address);
+    let asked = service.pc(&["pair", &of_requests, "--timeout", "1"]);
+    refused(asked, 4, "the brick's `pairing_port`, and not its `port`?");
+    service.says(&["pair", "--help"], "HOST[:PAIRING_PORT]");
 }
 
 #[test]

@@ -265,6 +265,10 @@ fn a_pc_that_comes_before_the_window_is_open_waits_for_it_though_its_connections
     let output = pc.pair(&address, "yes\n");
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert_eq!(pc.known()[0].key, key);
+    let said = text(&output.stderr);
+    assert!(said.contains(&format!("the port in {address} was for pairing only")), "{said}");
+    assert!(said.contains("with --port"), "{said}");
+    assert_eq!(pc.known()[0].address, "127.0.0.1");
 }
 
 #[test]

@@ -10,7 +10,7 @@ use crate::behavior::mission::{DrivePlan, GoalPlan, MotionPlan};
 use crate::document::{Item, Section};
 use crate::ev3dev::StopAction;
 use crate::senses::{QUANTITIES, Role};
-use crate::units::radians;
+use crate::units::{counted, radians};
 
 /// What can be asked in `do`.
 pub(super) fn actions() -> Vec<&'static str> {
@@ -238,8 +238,11 @@ impl<'d> Reader<'_, 'd, '_> {
             _ => {
                 let list = item.list()?;
                 let [x, y] = list.as_slice() else {
-                    item.error(format!("`goto` is a place, and this has {} numbers", list.len()))
-                        .hint("write x and y in metres, as in `goto = [0.8, -0.2]`");
+                    item.error(format!(
+                        "`goto` is a place, and this has {}",
+                        counted(list.len(), "number")
+                    ))
+                    .hint("write x and y in metres, as in `goto = [0.8, -0.2]`");
                     return None;
                 };
                 let (x_m, y_m) = (self.number(x, WAY_M), self.number(y, WAY_M));

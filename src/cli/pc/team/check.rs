@@ -11,6 +11,7 @@ use crate::cli::{Exit, Failure, Output};
 use crate::document::nearest;
 use crate::link::{ClientError, KnownBrick};
 use crate::protocol::{Chosen, LastStop, MissionInfo, Missions, State, Status, whose};
+use crate::units::counted;
 
 /// What was found about one brick.
 #[derive(Debug)]
@@ -209,14 +210,10 @@ pub(super) fn verdict(checked: &[Checked]) -> Result<(), Failure> {
         return Ok(());
     }
     let names = unready.iter().map(|one| one.brick.name.as_str()).collect::<Vec<_>>().join(", ");
-    let (few, all) = (unready.len(), checked.len());
+    let (few, all) = (unready.len(), counted(checked.len(), "brick"));
     let exit = if unready.iter().all(|one| one.silent) { Exit::NoAnswer } else { Exit::Refused };
-    let bricks = if all == 1 { "brick" } else { "bricks" };
     let are = if few == 1 { "is" } else { "are" };
-    Err(Failure::new(
-        exit,
-        format!("{few} of {all} {bricks} {are} not ready, so none starts: {names}"),
-    ))
+    Err(Failure::new(exit, format!("{few} of {all} {are} not ready, so none starts: {names}")))
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use crate::clock::{SECOND_NS, seconds};
 use crate::recording::Info;
 use crate::report::Scene;
 use crate::report::export::{self, NamedRecording};
+use crate::units::counted;
 
 /// Says brick by brick what came of it.
 pub(super) fn report(came: &[Came], output: &mut Output) {
@@ -64,10 +65,9 @@ pub(super) fn verdict(came: &[Came]) -> Result<(), Failure> {
         false => Exit::SomeFailed,
     };
     let message = format!(
-        "{} of {} {} did not come to a good end: {names}",
+        "{} of {} did not come to a good end: {names}",
         bad.len(),
-        came.len(),
-        if came.len() == 1 { "brick" } else { "bricks" }
+        counted(came.len(), "brick")
     );
     let lost = bad
         .iter()
@@ -97,10 +97,9 @@ pub(super) fn merge(plan: &Plan<'_>, came: &[Came], output: &mut Output) -> Resu
     let (count, out) = (runs.len(), plan.out.display());
     output.show(
         format!(
-            "{points} {} of {count} {}: map.svg, map.png, points.csv, path.csv and team.mcap in \
-             {out}",
-            if points == 1 { "point" } else { "points" },
-            if count == 1 { "brick" } else { "bricks" }
+            "{} of {}: map.svg, map.png, points.csv, path.csv and team.mcap in {out}",
+            counted(points, "point"),
+            counted(count, "brick")
         ),
         &json!({
             "points": points,
