@@ -23,8 +23,8 @@ use crate::service::config::BRICK_FOLDER;
 ///
 /// Examples:
 ///   onbrick pair ev3-blue.local            on the PC
-///   onbrick pair 10.0.0.7:6001 --port 6000       with `pairing_port = 6001` and `port = 6000` in
-///                                          [link] of the brick's onbrick.toml
+///   onbrick pair 10.0.0.7:6001 --port 6000       where the brick's onbrick.toml has them as
+///                                          `pairing_port` and `port`
 ///   onbrick pair                           on the brick, if no menu can open the window
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
