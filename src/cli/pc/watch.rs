@@ -141,10 +141,8 @@ impl Watch {
             Some(going) => {
                 let progress = going.progress.as_ref();
                 let (metres, points) = progress.map_or((0.0, 0), |at| (at.travelled_m, at.points));
-                {
-                    let points = counted(points, "point");
-                    format!("{}: {metres:.1} m, {points}{battery}", word(status.state))
-                }
+                let points = counted(points, "point");
+                format!("{}: {metres:.1} m, {points}{battery}", word(status.state))
             }
             None => format!("{}{battery}", word(status.state)),
         }
