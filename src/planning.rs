@@ -61,8 +61,8 @@
 //! or 12 rows with something known are widened by the distance to keep, or the wave goes over 300
 //! cells. To explore, it goes over all that can be reached: a plan for a room of 2 m² takes 13
 //! ticks, and about one more for each 0.75 m² of floor. One to a place that cannot be reached takes
-//! 150. It is made while the robot drives by the one before. Measured on x86-64 at opt-level 1: 64 000
-//! instructions for the rows that become bits, 53 000 for those that are widened.
+//! 150. It is made while the robot drives by the one before. Measured on x86-64 at opt-level 1:
+//! 64 000 instructions for the rows that become bits, 53 000 for those that are widened.
 //! After a plan the way home takes a tick for 300 cells more, also where no mission asks for it.
 //!
 //! # What we count on
