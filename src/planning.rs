@@ -75,7 +75,7 @@
 
 use arrayvec::ArrayVec;
 
-use crate::mapping::{OccupancyGrid, Pose, Range, Sounding};
+use crate::mapping::{Estimate, MapPoint, OccupancyGrid, Pose, Range, Sounding};
 
 mod layer;
 mod plan;
@@ -130,6 +130,8 @@ const STAY_NEAR: i32 = 6;
 /// Obstacles kept, and for how many plans: by then the grid has them, or they were ghosts.
 const OBSTACLES: usize = 16;
 const OBSTACLE_PLANS: u8 = 20;
+/// Echoes whose place is a guess; older ones stay where they were guessed to be.
+const GUESSES: usize = 128;
 
 /// What is being done for a plan.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -174,6 +176,8 @@ pub struct Planner {
     /// What the way home cost in the last plan whose wave came there, and from where.
     way_home: Option<(u16, Place)>,
     obstacles: ArrayVec<(Place, u8), OBSTACLES>,
+    /// Echoes whose sweep is not over: the first guess of where each lies, and how far it was.
+    guesses: ArrayVec<(MapPoint, f64), GUESSES>,
     /// Where it could not turn.
     cramped: Option<Place>,
     plan: Plan,
@@ -207,22 +211,30 @@ impl Planner {
             home,
             way_home: None,
             obstacles: ArrayVec::new(),
+            guesses: ArrayVec::new(),
             cramped: None,
             plan,
         })
     }
 
-    /// Takes in where the robot is, and what it has heard, if that is new. `range_max_m`: from
-    /// there on an echo is no echo.
-    pub fn note(&mut self, pose: &Pose, sounding: Option<&Sounding>, range_max_m: f64) {
-        let here = self.survey.place(pose.x_m, pose.y_m);
+    /// Takes in where the robot is, what it has heard, if that is new, and where earlier echoes
+    /// lie. `range_max_m`: from there on an echo is no echo.
+    pub fn note(&mut self, estimate: &Estimate, range_max_m: f64) {
+        let here = self.survey.place(estimate.pose.x_m, estimate.pose.y_m);
         if let Some(place) = here.filter(|_| here != self.stood) {
             self.survey.stand(place, STANDS);
             self.stood = here;
         }
-        let Some(sounding) = sounding.filter(|sounding| sounding.fresh) else { return };
+        if let Some(sounding) = estimate.sounding.filter(|sounding| sounding.fresh) {
+            self.listen(&sounding, range_max_m);
+        }
+        for point in estimate.placed.iter() {
+            self.settle(point);
+        }
+    }
+
+    fn listen(&mut self, sounding: &Sounding, range_max_m: f64) {
         let Range::Echo(range_m) = sounding.range else { return };
-        let echo_m = if range_m < range_max_m { Some(range_m) } else { None };
         let mut along_m = 0.0;
         let clear_m = range_m.min(CLEARS_M) - BEFORE_M;
         while along_m < clear_m {
@@ -233,14 +245,44 @@ impl Planner {
             }
             along_m += self.plan.lattice[2];
         }
-        if let Some(range_m) = echo_m {
-            let [x_m, y_m] = sounding.at(range_m);
-            let weight = if range_m < NEAR_M { HEARD_NEAR } else { HEARD };
-            let most = if range_m < SURE_M { MOST } else { DOUBTFUL };
-            self.survey.hear(x_m, y_m, weight, most);
-            if let Some(place) = self.survey.place(x_m, y_m).filter(|_| range_m < POINT_M) {
-                self.survey.pointed.fill_square(place, POINT_NEAR);
+        if range_m >= range_max_m {
+            return;
+        }
+        let [x_m, y_m] = sounding.at(range_m);
+        let point = MapPoint { time_ns: sounding.time_ns, x_m, y_m };
+        if !sounding.waits {
+            self.believe(&point, range_m);
+            return;
+        }
+        // Until its sweep says more, something may be there.
+        let (weight, most) = evidence(range_m);
+        self.survey.hear(x_m, y_m, weight, most);
+        if self.guesses.is_full() {
+            self.guesses.remove(0);
+        }
+        self.guesses.push((point, range_m));
+    }
+
+    /// A sweep is over: the evidence of its echo moves from where it was guessed to where it lies.
+    /// What was heard before and has no place by now was of nothing.
+    fn settle(&mut self, point: &MapPoint) {
+        while let Some((guess, range_m)) = self.guesses.first().copied()
+            && guess.time_ns <= point.time_ns
+        {
+            self.guesses.remove(0);
+            self.survey.hear(guess.x_m, guess.y_m, -evidence(range_m).0, MOST);
+            if guess.time_ns == point.time_ns {
+                self.believe(point, range_m);
             }
+        }
+    }
+
+    /// An echo that was heard from so far lies here.
+    fn believe(&mut self, point: &MapPoint, range_m: f64) {
+        let (weight, most) = evidence(range_m);
+        self.survey.hear(point.x_m, point.y_m, weight, most);
+        if let Some(place) = self.survey.place(point.x_m, point.y_m).filter(|_| range_m < POINT_M) {
+            self.survey.pointed.fill_square(place, POINT_NEAR);
         }
     }
 
@@ -477,6 +519,13 @@ impl Planner {
         self.phase = Phase::Trace { at: self.survey.index(goal), goal };
         None
     }
+}
+
+/// What an echo from so far counts as evidence of something in its cell, and the most that it makes
+/// of that.
+fn evidence(range_m: f64) -> (i8, u8) {
+    let weight = if range_m < NEAR_M { HEARD_NEAR } else { HEARD };
+    (weight, if range_m < SURE_M { MOST } else { DOUBTFUL })
 }
 
 #[cfg(test)]

@@ -35,8 +35,17 @@ impl Drawn {
         Self { grid, planner, start }
     }
 
+    fn stand(&mut self, pose: Pose) {
+        self.planner.note(&Estimate { pose, ..Estimate::default() }, 2.0);
+    }
+
+    fn hear(&mut self, sounding: Sounding) {
+        let sounding = Some(sounding);
+        self.planner.note(&Estimate { pose: self.start, sounding, ..Estimate::default() }, 2.0);
+    }
+
     fn plan(&mut self, request: &Request) -> (Plan, usize) {
-        self.planner.note(&self.start, None, 2.0);
+        self.stand(self.start);
         for ticks in 1..2000 {
             if let Some(plan) = self.planner.step(Some(request), &self.grid, &self.start) {
                 return (plan.clone(), ticks);
@@ -96,7 +105,7 @@ fn hear(drawn: &mut Drawn, times: usize) {
             let place = |cell: usize, m: f64| (cell as f64 + 0.5) * 0.05 + m;
             let one = sounding(place(column, x_m) - 0.1, place(row, y_m), 0.0, 0.1);
             for _ in 0..times {
-                drawn.planner.note(&drawn.start, Some(&one), 2.0);
+                drawn.hear(one);
             }
         }
     }
@@ -252,7 +261,7 @@ fn a_passage_that_echoes_from_afar_have_closed_is_doubted_and_one_heard_from_nea
             let y_m = (f64::from(row) + 0.5) * 0.05;
             for _ in 0..9 {
                 let echo = sounding(-range_m, y_m, 0.0, range_m);
-                drawn.planner.note(&drawn.start, Some(&echo), 2.0);
+                drawn.hear(echo);
             }
         }
         assert_eq!(drawn.plan(&to_place(1, [10, 0])).0.outcome, Outcome::Near, "{range_m}");
@@ -268,13 +277,13 @@ fn a_passage_that_echoes_have_narrowed_stays_open_for_a_robot_that_has_driven_th
         hear(&mut drawn, 2);
         for column in (-10..10).filter(|_| driven) {
             let x_m = (f64::from(column) + 0.5) * 0.05;
-            drawn.planner.note(&Pose { x_m, ..START }, None, 2.0);
+            drawn.stand(Pose { x_m, ..START });
         }
         for row in [-4, -3, -2, 2, 3, 4] {
             let y_m = (f64::from(row) + 0.5) * 0.05;
             for _ in 0..9 {
                 let echo = sounding(-0.3, y_m, 0.0, 0.3);
-                drawn.planner.note(&drawn.start, Some(&echo), 2.0);
+                drawn.hear(echo);
             }
         }
         assert_eq!(drawn.plan(&to_place(1, [10, 0])).0.outcome, then, "driven: {driven}");
@@ -313,7 +322,7 @@ fn a_robot_without_room_to_turn_goes_back_the_way_that_it_came() {
     assert!(!drawn.plan(&tight).0.retraces(), "it has never been there");
     for column in 0..20 {
         let x_m = drawn.start.x_m + f64::from(column) * 0.05;
-        drawn.planner.note(&Pose { x_m, ..drawn.start }, None, 2.0);
+        drawn.stand(Pose { x_m, ..drawn.start });
     }
     let plan = drawn.plan(&Request { serial: 2, ..tight }).0;
     assert!(plan.retraces() && !plan.is_cramped());
@@ -333,7 +342,7 @@ fn an_echo_that_was_heard_once_closes_no_passage_and_an_obstacle_does_for_a_whil
     let far = [10, 0];
     let mut free = drawn(&rooms(), [-10, 0]);
     hear(&mut free, 2);
-    free.planner.note(&START, Some(&sounding(-0.1, 0.0, 0.0, 0.1)), 2.0);
+    free.hear(sounding(-0.1, 0.0, 0.0, 0.1));
     let (way, _) = free.plan(&to_place(1, far));
     assert_eq!(way.outcome, Outcome::Way);
     let obstacle = Some([0.0, 0.0]);
@@ -341,6 +350,29 @@ fn an_echo_that_was_heard_once_closes_no_passage_and_an_obstacle_does_for_a_whil
     assert_eq!(blocked.outcome, Outcome::Near);
     let again = (3..40).find(|serial| free.plan(&to_place(*serial, far)).0.outcome == Outcome::Way);
     assert!(again.is_some(), "what the map does not confirm is forgotten");
+}
+
+#[test]
+fn what_was_guessed_to_close_a_passage_opens_it_where_the_sweep_places_it_elsewhere() {
+    // Where the echoes lie in the end: the passage's side, the passage, and nowhere but the last.
+    for (placed, y_m, then) in
+        [(9, 0.6, Outcome::Way), (9, 0.0, Outcome::Near), (1, 0.6, Outcome::Way)]
+    {
+        let mut drawn = drawn(&rooms(), [-10, 0]);
+        hear(&mut drawn, 2);
+        for time_ns in 1..=9 {
+            drawn.hear(Sounding { time_ns, waits: true, ..sounding(-0.3, 0.0, 0.0, 0.3) });
+        }
+        let guessed = drawn.plan(&to_place(1, [10, 0])).0;
+        assert_eq!(guessed.outcome, Outcome::Near, "until the sweep is over something is there");
+        for time_ns in 10 - placed..=9 {
+            let placed = [MapPoint { time_ns, x_m: 0.0, y_m }].into_iter().collect();
+            let estimate = Estimate { pose: drawn.start, placed, ..Estimate::default() };
+            drawn.planner.note(&estimate, 2.0);
+        }
+        let way = drawn.plan(&to_place(2, [10, 0])).0;
+        assert_eq!(way.outcome, then, "{placed} at {y_m} m");
+    }
 }
 
 #[test]
@@ -372,11 +404,11 @@ proptest! {
         for one in heard.iter().flat_map(|one| std::iter::repeat_n(one, 5)) {
             grid.add(one, 2.0);
         }
-        let mut planner = Planner::new(&grid, &START).expect("a usual grid");
-        for one in &heard {
-            planner.note(&START, Some(one), 2.0);
-        }
+        let planner = Planner::new(&grid, &START).expect("a usual grid");
         let mut drawn = Drawn { grid, planner, start: START };
+        for one in heard {
+            drawn.hear(one);
+        }
         let request = if explores { exploring(1) } else { to_place(1, [x, y]) };
         let request = Request { looked: looked.then_some(View::Around), ..request };
         let (plan, ticks) = drawn.plan(&request);

@@ -354,11 +354,7 @@ impl Pilot {
     fn plan(&mut self, estimate: &Estimate, stalled: bool) {
         let Some(planner) = &mut self.planner else { return };
         let pose = estimate.pose;
-        planner.note(
-            &pose,
-            estimate.sounding.as_ref(),
-            self.estimator.config().geometry.range().max_m,
-        );
+        planner.note(estimate, self.estimator.config().geometry.range().max_m);
         let [left_rad_s, right_rad_s] = self.wheels_rad_s;
         let touch = self.signals.get(Signal::Sensed(Channel::Touch));
         // A bumper that stays pressed says nothing about where the robot comes to.
