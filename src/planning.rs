@@ -14,10 +14,11 @@
 //! What is *solid* is not taken from the grid. A beam that meets a wall obliquely has no echo of
 //! it, or that of another wall behind, and then the grid frees cells through the wall; an echo from
 //! far away is as wide as a door. So the planner keeps evidence of its own: an echo counts for the
-//! cell where it was placed, more when it comes from near; a beam takes some away from the cells
-//! that it passes near the robot. Echoes of a doorway's sides that were heard from afar close it:
-//! so where nothing is left, what was not heard from near is believed half as much
-//! ([`Request::again`]), and the robot goes there and looks.
+//! cell where it lies, more when it comes from near; a beam takes some away from the cells that it
+//! passes near the robot. As long as its sweep is not over, it counts where it was guessed to lie
+//! at once, and what its sweep then leaves out of the map counts no more. Echoes of a doorway's
+//! sides that were heard from afar close it: so where nothing is left, what was not heard from near
+//! is believed half as much ([`Request::again`]), and the robot goes there and looks.
 //!
 //! *Known*: free by the grid, or the robot stood there. *Drivable*: known, nothing solid within the
 //! distance to keep, nothing unknown beside it; or its middle was there, and nothing solid is
@@ -47,6 +48,10 @@
 //! - In the second try a wall counts only where it was heard from near, echoes from afar close
 //!   nothing: of three runs in `gap` that missed the passage two then found it, but looking at each
 //!   wall from near takes so long that of 40 runs of 300 s the mean coverage fell from 96 to 92 %.
+//! - To count an echo only once its sweep has placed it: coverage as now, and four times the
+//!   collisions. To count the first guess for good: beside posts and in passages echoes at wrong
+//!   places close the way, and of 160 runs in 80 rooms that chance drew 84 % instead of 90 % map 95
+//!   % of the wall.
 //! - A speed of 0.14 or 0.18 m/s: coverage as at 0.11 m/s, and three to five times the collisions.
 //! - Of a goal's score, each over 60 to 120 runs of 300 s: turns to it as 10 or 20 cm a radian,
 //!   gains of twice as much, none at all, not to stay with the last goal: the mean coverage changes
