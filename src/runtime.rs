@@ -51,7 +51,7 @@ mod stall;
 pub use crate::recording::{STALL_NS, Stop, StopReason};
 pub use battery::{Charge, HOLD_NS, SLOW_SHARE};
 pub use child::{
-    Order, RunError, RunProcess, StartError, StopBy, Stopper, never_wait, obey, read_job, verbosity,
+    Order, RunError, RunProcess, StartError, StopBy, Stopper, never_wait, obey, read_job,
 };
 pub use control::{Control, StopFlags, Tally};
 pub use environment::{CreateSink, Environment, SeeTruth, Truth};

@@ -74,27 +74,20 @@ pub struct ServerConfig {
 }
 
 /// How the server is.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LinkState {
     /// Not yet there: it waits for this.
+    #[error("waits for {0}")]
     Waits(&'static str),
     /// It listens, and this is the fingerprint of the brick's key.
+    #[error("ready")]
     Ready {
         /// The fingerprint.
         fingerprint: String,
     },
     /// It is gone, because of this.
+    #[error("ended: {0}")]
     Ended(String),
-}
-
-impl std::fmt::Display for LinkState {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Waits(what) => write!(f, "waits for {what}"),
-            Self::Ready { .. } => f.write_str("ready"),
-            Self::Ended(why) => write!(f, "ended: {why}"),
-        }
-    }
 }
 
 /// Why a server ended.

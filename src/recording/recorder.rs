@@ -115,12 +115,6 @@ impl Recorder {
         Ok((Self { flags, end, thread: Some(thread) }, tick_side))
     }
 
-    /// True once the recorder can write no more.
-    #[must_use]
-    pub fn failed(&self) -> bool {
-        self.flags.failed.load(Ordering::Relaxed)
-    }
-
     /// Writes what is left, the reason for the end and MCAP's summary, and waits until all of it is
     /// on the disk.
     ///

@@ -111,6 +111,12 @@ impl Refused {
     }
 }
 
+impl From<&Refused> for Event {
+    fn from(refused: &Refused) -> Self {
+        Self::Refused { stop: refused.stop(), hint: refused.way_out().map(str::to_owned) }
+    }
+}
+
 /// Does a job in its environment. `report` hears how it is going, at most five times a second, from
 /// more than one thread.
 ///

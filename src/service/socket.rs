@@ -26,6 +26,7 @@ use nix::sys::socket::{getsockopt, sockopt::PeerCredentials};
 
 use super::config::SocketConfig;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+use crate::printable::json_line;
 use crate::protocol::{
     Answer, Asked, Caller, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Operations, Outcome,
     Refusal, Reply, parse_local,
@@ -301,8 +302,6 @@ fn read_up_to(
 }
 
 fn send(stream: &mut impl Write, reply: &Reply, bytes: Option<&[u8]>) -> io::Result<()> {
-    let mut line = serde_json::to_vec(reply)?;
-    line.push(b'\n');
-    stream.write_all(&line)?;
+    stream.write_all(&json_line(reply)?)?;
     bytes.map_or(Ok(()), |bytes| stream.write_all(bytes))
 }

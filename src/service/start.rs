@@ -18,7 +18,7 @@ use crate::ev3dev::Tree as _;
 use crate::mapping::Pose;
 use crate::printable::{line, with_causes};
 use crate::protocol::{
-    Caller, Done, Kind, LastStop, Refusal, RunId, RunStatus, Start, Started, State, Stopped, whose,
+    Caller, Done, Kind, LastStop, Refusal, RunId, RunStatus, Start, Started, Stopped, whose,
 };
 use crate::recording;
 use crate::runtime::{
@@ -320,12 +320,6 @@ impl Service {
             ..Job::new(source, robot.source, brick, file)
         };
         Ok((mission, job))
-    }
-
-    /// The state, for those who follow it here.
-    #[must_use]
-    pub fn state(&self) -> State {
-        self.inner.now().machine.state()
     }
 }
 
