@@ -28,6 +28,9 @@ use crate::document::{Document, Findings, read_bounded};
 use crate::ev3dev::LocalTree;
 use crate::mapping::{Method, Pose};
 use crate::recording;
+use crate::robot::RobotConfig;
+#[cfg(feature = "sim")]
+use crate::sim::World;
 use crate::units::counted;
 
 mod battery;
@@ -111,6 +114,17 @@ impl Source {
         capabilities: &Capabilities,
     ) -> Result<(Mission, Findings), Findings> {
         Mission::parse(&self.name, self.text.as_bytes(), capabilities)
+    }
+
+    /// Reads it as a robot, with what is worth a warning.
+    pub(crate) fn robot(&self) -> Result<(RobotConfig, Findings), Findings> {
+        RobotConfig::load(&self.name, self.text.as_bytes())
+    }
+
+    /// Reads it as a world, with what is worth a warning.
+    #[cfg(feature = "sim")]
+    pub(crate) fn world(&self) -> Result<(World, Findings), Findings> {
+        World::parse(&self.name, self.text.as_bytes())
     }
 }
 

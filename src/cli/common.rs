@@ -114,16 +114,12 @@ pub(super) fn read_robot(path: &Path) -> Result<Source, Failure> {
 }
 
 /// Loads a robot's file or a shipped one; warnings go to the log.
-pub(super) fn load_robot(
-    path: Option<&Path>,
-    _output: &mut Output,
-) -> Result<LoadedRobot, Failure> {
+pub(super) fn load_robot(path: Option<&Path>) -> Result<LoadedRobot, Failure> {
     let source = match path {
         Some(path) => read_robot(path)?,
         None => Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() },
     };
-    let (config, warnings) = RobotConfig::load(&source.name, source.text.as_bytes())
-        .map_err(|findings| Failure::from(findings).hint(SHOW_ROBOT))?;
+    let (config, warnings) = source.robot().map_err(Failure::from).hint(SHOW_ROBOT)?;
     warn(&warnings);
     Ok(LoadedRobot { source, config })
 }
@@ -313,11 +309,8 @@ pub(super) fn load_world(path: &Path) -> Result<(Source, Pose), Failure> {
         let names = crate::sim::World::names().collect::<Vec<_>>();
         hint_at_names(failure, path, "world", &names)
     })?;
-    let (world, warnings) = crate::sim::World::parse(&source.name, source.text.as_bytes())
-        .map_err(|findings| {
-            Failure::refused(findings.to_string())
-                .hint("onbrick new world, which shows a whole file with comments")
-        })?;
+    const SHOWN: &str = "onbrick new world, which shows a whole file with comments";
+    let (world, warnings) = source.world().map_err(Failure::from).hint(SHOWN)?;
     warn(&warnings);
     let start = world.starts().first();
     let start =

@@ -128,7 +128,7 @@ fn prepare(
     output: &mut Output,
 ) -> Result<Prepared, Failure> {
     let chosen = chosen_robot(arguments.robot.as_deref(), output);
-    let robot = load_robot(chosen.as_deref(), output)?;
+    let robot = load_robot(chosen.as_deref())?;
     let source = read_mission(&arguments.mission)?;
     let (mut mission, warnings) = load_mission(&source, &robot.config.capabilities())?;
     warn(&warnings);
@@ -232,8 +232,7 @@ fn brick(arguments: &Arguments, robot: Option<&RobotConfig>) -> Result<(Brick, P
 #[cfg(feature = "sim")]
 fn on_a_start(world: &crate::runtime::Source, [x_m, y_m, deg]: [f64; 3]) -> Result<(), Failure> {
     use crate::units::{degrees, rounded_to, wrap_rad};
-    let (parsed, _) = crate::sim::World::parse(&world.name, world.text.as_bytes())
-        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let (parsed, _) = world.world()?;
     let is_there = |start: &crate::sim::StartPose| {
         libm::hypot(start.x_m - x_m, start.y_m - y_m) <= SAME_PLACE.0
             && wrap_rad(start.heading_rad - radians(deg)).abs() <= SAME_PLACE.1

@@ -17,7 +17,7 @@ use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::ev3dev::{EV3, PLATFORMS, Platform};
 use crate::sim::{
     Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, MountOptions,
-    Options, Order, Scenario, Simulation, World, WorldPhysics, still,
+    Options, Order, Scenario, Simulation, WorldPhysics, still,
 };
 use crate::simulated::furnished;
 
@@ -351,9 +351,9 @@ fn simulation(arguments: &Arguments, output: &mut Output) -> Result<Simulation, 
     let scenario = scenario(arguments)?;
     let (mut source, _) = load_world(&arguments.world)?;
     if let Some(path) = chosen_robot(arguments.robot.as_deref(), output) {
-        source = furnished(source, &load_robot(Some(&path), output)?.config);
+        source = furnished(source, &load_robot(Some(&path))?.config);
     }
-    let (world, _) = World::parse(&source.name, source.text.as_bytes())?;
+    let (world, _) = source.world()?;
     let physics = WorldPhysics::new(world, arguments.robots, arguments.seed).map_err(|error| {
         Failure::refused(error.to_string())
             .hint("fewer --robots, or a world with more start poses (onbrick new world)")

@@ -131,7 +131,7 @@ pub fn execute(
     report: impl Fn(&Event) + Send + Sync + 'static,
 ) -> Result<Ended, Refused> {
     let report: Arc<Report> = Arc::new(report);
-    let (config, _) = RobotConfig::load(&job.robot.name, job.robot.text.as_bytes())?;
+    let (config, _) = job.robot.robot()?;
     let (mut mission, _) = job.mission.mission(&config.capabilities())?;
     for (name, value) in &job.set {
         mission.set(name, *value)?;

@@ -251,7 +251,7 @@ impl fmt::Display for Remade {
 ///
 /// [`ReplayError`].
 pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, ReplayError> {
-    let (config, _) = RobotConfig::load(&robot.name, robot.text.as_bytes())?;
+    let (config, _) = robot.robot()?;
     let mut cast = Cast::of(run, Some(&config))?;
     let info = Info {
         version: env!("CARGO_PKG_VERSION").to_owned(),

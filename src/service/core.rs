@@ -201,10 +201,9 @@ impl Service {
 
     fn missions(&self) -> Result<Missions, Refusal> {
         let folder = &self.inner.config.missions;
-        let robot = missions::robot(&self.inner.config.robot).ok();
         // A robot that is not in order is said elsewhere; missions are then checked for themselves.
-        let capabilities =
-            robot.map_or_else(Capabilities::all, |robot| robot.config.capabilities());
+        let capabilities = missions::robot(&self.inner.config.robot)
+            .map_or_else(|_| Capabilities::all(), |(_, robot)| robot.capabilities());
         let missions = missions::list(folder, &capabilities).map_err(|error| {
             Refusal::new(
                 Kind::Failed,
@@ -306,9 +305,9 @@ impl Operations for Service {
             Request::Identify => answer(&self.identify()),
             Request::Live => {
                 self.between_runs()?;
-                let robot =
-                    missions::robot(&self.inner.config.robot).ok().map(|robot| robot.config);
-                answer(&self.inner.hardware.live(robot.as_ref(), MonotonicClock.now_ns())?)
+                let robot = missions::robot(&self.inner.config.robot).ok();
+                let robot = robot.as_ref().map(|(_, robot)| robot);
+                answer(&self.inner.hardware.live(robot, MonotonicClock.now_ns())?)
             }
         }
     }

@@ -279,10 +279,10 @@ impl Service {
     /// The mission of a start that is in order, and what its run is to do.
     fn prepared(&self, start: &Start) -> Result<(Mission, Job), Refusal> {
         let inner = &self.inner;
-        let robot = missions::robot(&inner.config.robot)
+        let (robot_source, robot) = missions::robot(&inner.config.robot)
             .map_err(|why| Refusal::new(Kind::NotReady, why))?;
         let source = missions::choose(&inner.config.missions, &start.mission)?;
-        let mut mission = missions::load(&source, &robot.config.capabilities())?;
+        let mut mission = missions::load(&source, &robot.capabilities())?;
         let mut set = start.set.clone();
         for (name, value) in &set {
             mission.set(name, *value).map_err(|error| {
@@ -317,7 +317,7 @@ impl Service {
             name: Some(inner.name.to_string()),
             no_button: start.no_button,
             when_abandoned: inner.config.when_service_dies,
-            ..Job::new(source, robot.source, brick, file)
+            ..Job::new(source, robot_source, brick, file)
         };
         Ok((mission, job))
     }

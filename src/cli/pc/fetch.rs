@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure};
+use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure, named};
 use super::watch::Watch;
 use crate::cli::common::make_folder;
 use crate::cli::output::safe;
@@ -84,7 +84,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             let one = match bring(client, &run, &arguments.out.out, left, &mut |_| {}) {
                 // The other runs are fetched nevertheless.
                 Err(error @ (ClientError::OtherRecording { .. } | ClientError::Taken { .. })) => {
-                    Err(failure(brick, &error))
+                    Err(named(brick, failure(brick, &error)))
                 }
                 one => Ok(one?),
             };
@@ -162,9 +162,9 @@ fn follow(
     brick: &KnownBrick,
     output: &mut Output,
 ) -> Result<(), Failure> {
-    let failed = |error: &ClientError| failure(brick, error);
-    let mut client = asking.client(brick).map_err(|error| failed(&error))?;
-    let found = runs(&mut client, arguments).map_err(|error| failed(&error))?;
+    let failed = |error: ClientError| named(brick, failure(brick, &error));
+    let mut client = asking.client(brick).map_err(failed)?;
+    let found = runs(&mut client, arguments).map_err(failed)?;
     let [run] = found.as_slice() else {
         return Err(Failure::refused(format!("{}: one run can be followed at a time", brick.name))
             .hint("onbrick runs, then --run RUN"));
@@ -191,7 +191,7 @@ fn follow(
         watch.end();
         brought
     });
-    show(brick, &brought.map_err(|error| failed(&error))?, output);
+    show(brick, &brought.map_err(failed)?, output);
     Ok(())
 }
 

@@ -174,8 +174,7 @@ impl Brick {
     /// As a person reads it, with the way out; the card has the name already.
     pub(super) fn told(&self, error: &ClientError) -> String {
         let Failure { message, hint, .. } = failure(&self.known, error);
-        let own = format!("{}: ", self.known.name);
-        let message = message.strip_prefix(&own).unwrap_or(&message).trim_end();
+        let message = message.trim_end();
         match hint.filter(|_| !matches!(error, ClientError::NoAnswer { .. })) {
             Some(hint) => format!("{message}\n{hint}"),
             None => message.to_owned(),

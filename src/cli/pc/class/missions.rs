@@ -17,9 +17,9 @@ use std::sync::atomic::Ordering;
 use serde_json::{Value, json};
 
 use crate::behavior::{Capabilities, shipped};
-use crate::cli::common::{load_robot, load_world, read_bounded};
+use crate::cli::Failure;
+use crate::cli::common::{load_mission, load_robot, load_world, read_bounded};
 use crate::cli::run::page::watched;
-use crate::cli::{Failure, Output};
 use crate::clock::{MILLISECOND_NS, wall_ns};
 use crate::document::save;
 use crate::printable::with_causes;
@@ -208,8 +208,8 @@ impl Trial {
         let Trying { mission: source, world, file } = trying;
         // A name is that of a built-in world, as for `run --sim`.
         let (world_source, start) = load_world(Path::new(world))?;
-        let robot = load_robot(None, &mut Output::new(true))?;
-        let (mission, _) = source.mission(&robot.config.capabilities())?;
+        let robot = load_robot(None)?;
+        let (mission, _) = load_mission(source, &robot.config.capabilities())?;
         // It is a trial: only the newest recording is kept.
         match std::fs::remove_file(file) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {

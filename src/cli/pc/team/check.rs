@@ -65,11 +65,8 @@ pub(super) fn all(asking: &Asking, wanted: Option<&Wanted>) -> Vec<Checked> {
 impl Checked {
     fn unheard(&mut self, failure: Failure) {
         self.silent = failure.exit == Exit::NoAnswer;
-        // The table has the name already.
-        let own = format!("{}: ", self.brick.name);
-        let message = failure.message.strip_prefix(&own).unwrap_or(&failure.message);
         let hint = failure.hint.filter(|_| !self.silent).map(|hint| format!("; {hint}"));
-        self.problems.push(format!("{message}{}", hint.unwrap_or_default()));
+        self.problems.push(failure.message + &hint.unwrap_or_default());
     }
 
     fn note(&mut self, status: Status, missions: Option<Missions>) {

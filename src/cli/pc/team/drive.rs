@@ -195,8 +195,7 @@ impl Share<'_> {
                     .end
                     .as_ref()
                     .map_or_else(|| "it was not started".to_owned(), LastStop::to_string);
-                came.failure =
-                    Some(Failure::new(Exit::Failed, format!("{}: {why}", self.member.brick.name)));
+                came.failure = Some(Failure::new(Exit::Failed, why));
             }
             Err(error) => {
                 came.file = there(part_of(&self.file()));
