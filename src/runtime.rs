@@ -66,6 +66,8 @@ pub use pilot::{ChangedVariables, Pilot, PilotError, PilotState, Step};
 pub use prepare::{GYRO_STILL_RAD, NotReady, prepare};
 #[cfg(feature = "cli")]
 pub use process::{ProcessError, control, guard};
+#[cfg(feature = "host")]
+pub(crate) use replay::Again;
 pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, replay, replay_with, whole_map};
 
 /// A file as it was read, with the name that findings use.

@@ -148,37 +148,63 @@ impl Cast {
 ///
 /// [`ReplayError`] where the recording does not have what a replay needs; differences are no error.
 pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
-    let mut cast = Cast::of(run, None)?;
+    let mut again = Again::of(run, Cast::of(run, None)?);
     let recorded = Recorded::of(run);
     let mut replayed = Replayed::default();
-    let mut demands = Demands::default();
-    let mut next_tick = 0;
-    let mut lost = false;
     for senses in &run.senses {
-        if senses.tick != next_tick {
-            replayed.gaps.push((next_tick, senses.tick.saturating_sub(1)));
-            lost = true;
-        }
-        next_tick = senses.tick + 1;
-        if lost {
-            replayed.skipped += 1;
-            // A checkpoint is what was carried out of its tick.
-            if let Some(state) = recorded.checkpoints.get(&senses.tick).and_then(|at| at.state()) {
-                lost = !cast.pilot.restore(&state);
-            }
-            continue;
-        }
         let mut taken = Vec::new();
-        let step = cast.pilot.step(senses, &mut demands, |transition| taken.push(transition));
+        let Some(step) = again.step(senses, |transition| taken.push(transition)) else {
+            replayed.skipped += 1;
+            continue;
+        };
         replayed.ticks += 1;
         // The map before a gap is lost, and with it the plans that a mission drives by.
-        let plans = !replayed.gaps.is_empty() && cast.mission.navigates();
+        let plans = !again.gaps.is_empty() && again.cast.mission.navigates();
         replayed.compare(senses, &step, (!plans).then_some(&taken), &recorded);
     }
-    if run.ending.is_some() && !lost {
-        replayed.compare_points(next_tick, &cast.pilot.finish(), &recorded);
+    if run.ending.is_some() && !again.is_lost {
+        let points = again.cast.pilot.finish();
+        replayed.compare_points(again.next_tick, &points, &recorded);
     }
+    replayed.gaps = again.gaps;
     Ok(replayed)
+}
+
+/// A run tick by tick once more; over a gap in its senses from the next checkpoint on.
+#[derive(Debug)]
+pub(crate) struct Again<'r> {
+    pub(crate) cast: Cast,
+    /// What the last step demanded.
+    pub(crate) demands: Demands,
+    checkpoints: BTreeMap<u64, &'r Checkpoint>,
+    /// Each gap as its first and last missing tick.
+    gaps: Vec<(u64, u64)>,
+    next_tick: u64,
+    is_lost: bool,
+}
+
+impl<'r> Again<'r> {
+    pub(crate) fn of(run: &'r Run, cast: Cast) -> Self {
+        let checkpoints = run.checkpoints.iter().map(|point| (point.tick, point)).collect();
+        let (demands, gaps) = (Demands::default(), Vec::new());
+        Self { cast, demands, checkpoints, gaps, next_tick: 0, is_lost: false }
+    }
+
+    /// The next tick's step; `None` between a gap and the next checkpoint.
+    pub(crate) fn step(&mut self, senses: &Senses, taken: impl FnMut(Taken)) -> Option<Step> {
+        if senses.tick != self.next_tick {
+            self.gaps.push((self.next_tick, senses.tick.saturating_sub(1)));
+            self.is_lost = true;
+        }
+        self.next_tick = senses.tick + 1;
+        if self.is_lost {
+            // A checkpoint is what was carried out of its tick.
+            let state = self.checkpoints.get(&senses.tick).and_then(|at| at.state());
+            self.is_lost = !state.is_some_and(|state| self.cast.pilot.restore(&state));
+            return None;
+        }
+        Some(self.cast.pilot.step(senses, &mut self.demands, taken))
+    }
 }
 
 /// The occupancy grid of a run: the recorded one, which covers 5 m around the start, or where the
@@ -353,7 +379,6 @@ struct Recorded<'r> {
     poses: BTreeMap<u64, Pose>,
     points: BTreeMap<i64, &'r MapPoint>,
     transitions: BTreeMap<u64, Vec<Taken>>,
-    checkpoints: BTreeMap<u64, &'r Checkpoint>,
     last_tick: Option<u64>,
     cut: bool,
     damaged: bool,
@@ -369,7 +394,6 @@ impl<'r> Recorded<'r> {
             poses: run.poses.iter().map(|pose| (pose.tick, pose.pose)).collect(),
             points: run.points.iter().map(|point| (point.time_ns, point)).collect(),
             transitions,
-            checkpoints: run.checkpoints.iter().map(|point| (point.tick, point)).collect(),
             last_tick: run.senses.last().map(|senses| senses.tick),
             cut: run.ending.is_none(),
             damaged: !run.integrity.damaged.is_empty(),

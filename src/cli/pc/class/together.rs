@@ -14,10 +14,8 @@ use serde_json::{Value, json};
 
 use super::brick::Brick;
 use super::hall::Hall;
-use crate::protocol::State;
-
-/// Start poses nearer to each other than this are a mistake, metres: a robot is longer.
-const SAME_PLACE_M: f64 = 0.1;
+use crate::cli::pc::team::check::unready;
+use crate::link::team;
 
 /// A brick of the team, and where it starts: metres, metres, degrees.
 #[derive(Debug, Clone, Deserialize)]
@@ -91,12 +89,8 @@ fn problems(bricks: &[Arc<Brick>], members: &[Member]) -> Vec<String> {
         match &seen.status {
             Some(status) if seen.silent_ns.is_none() => {
                 versions.entry(status.version.clone()).or_default().push(name);
-                if !matches!(status.state, State::Ready | State::Stopped) {
-                    problems.push(format!("{name} is not ready"));
-                }
-                for text in [&status.battery, &status.robot].into_iter().flatten() {
-                    problems.push(format!("{name}: {}", text.trim_end()));
-                }
+                let texts = unready(status).into_iter().chain(status.battery.clone());
+                problems.extend(texts.map(|text| format!("{name}: {text}")));
             }
             _ => problems.push(format!("{name} does not answer")),
         }
@@ -109,17 +103,14 @@ fn problems(bricks: &[Arc<Brick>], members: &[Member]) -> Vec<String> {
             each.collect::<Vec<_>>().join("; ")
         ));
     }
-    for (at, (brick, member)) in bricks.iter().zip(members).enumerate() {
-        for (other, before) in bricks.iter().zip(members).take(at) {
-            let [x, y, _] = member.pose;
-            let [from_x, from_y, _] = before.pose;
-            if libm::hypot(x - from_x, y - from_y) < SAME_PLACE_M {
-                problems.push(format!(
-                    "{} and {} would stand in each other",
-                    other.known.name, brick.known.name
-                ));
-            }
-        }
+    let placed = |(brick, member): (&Arc<Brick>, &Member)| team::Member {
+        brick: brick.known.clone(),
+        pose: member.pose,
+    };
+    let team: Vec<team::Member> = bricks.iter().zip(members).map(placed).collect();
+    for (at, member) in team.iter().enumerate() {
+        let clashes = team.iter().take(at).flat_map(|other| member.clashes(other));
+        problems.extend(clashes.map(|(message, _)| message));
     }
     problems
 }

@@ -96,7 +96,7 @@ impl Checked {
 }
 
 /// What keeps a brick from starting a run.
-fn unready(status: &Status) -> Option<String> {
+pub(in crate::cli::pc) fn unready(status: &Status) -> Option<String> {
     let last = status.last.as_ref().map(LastStop::to_string).unwrap_or_default();
     let last = first_line(&last);
     match status.state {
@@ -274,8 +274,7 @@ mod tests {
             Some(mission("b", Some("error: unknown key `x`\n  --> map.toml:1"))),
         );
         team[2].note(status("1.0.0"), Some(mission("a", None)));
-        team[3]
-            .unheard(Failure::new(Exit::NoAnswer, "grey: no answer from grey").hint("is it on?"));
+        team[3].unheard(Failure::new(Exit::NoAnswer, "no answer from grey").hint("is it on?"));
         compare(&mut team, "onbrick", |checked| Some(checked.status.as_ref()?.version.clone()));
         compare(&mut team, "mission", |checked| Some(short(checked.mission.as_ref()?).to_owned()));
         team
