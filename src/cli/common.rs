@@ -56,6 +56,14 @@ pub(super) fn read_source(
     Ok(Source::of(&name, &read_bounded(path)?)?)
 }
 
+/// Reads a file that a person wrote; `hint` is the way out where there is none of this name.
+#[cfg(feature = "sim")]
+pub(super) fn read_own(path: &Path, hint: &str) -> Result<Source, Failure> {
+    // An existing file's own error says what is wrong with it.
+    read_source(path, |_| None)
+        .map_err(|failure| if path.is_file() { failure } else { failure.hint(hint) })
+}
+
 /// Reads a mission's file, or takes a shipped one, with the sub-machines that it uses.
 pub(super) fn read_mission(path: &Path) -> Result<Source, Failure> {
     let source = read_source(path, shipped_mission).map_err(|failure| {

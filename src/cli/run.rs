@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::brick::{MissionBrick, no_brick};
+#[cfg(feature = "sim")]
+use super::Hint as _;
+use super::brick::{MissionBrick, brick_is_there};
 use super::common::{
     chosen_robot, load_mission, load_robot, number_within, own_program, pose, read_mission,
     setting, stamps_ns, warn,
@@ -14,7 +16,7 @@ use super::terminal::signals;
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
-use crate::ev3dev::{Inventory, Tree};
+use crate::ev3dev::Tree;
 #[cfg(feature = "sim")]
 use crate::mapping::Method;
 use crate::mapping::Pose;
@@ -212,19 +214,13 @@ fn brick(arguments: &Arguments, robot: Option<&RobotConfig>) -> Result<(Brick, P
     }
     #[cfg(not(feature = "sim"))]
     let _ = robot;
-    let files = &arguments.brick.files;
-    let tree = files.tree();
-    let inventory = Inventory::read(&(Arc::new(tree.clone()) as Arc<dyn Tree>));
-    if inventory.is_ok_and(|found| found.is_empty()) {
-        let failure = Failure { exit: Exit::Refused, ..no_brick(files.root()) };
-        #[cfg(feature = "sim")]
-        let failure = failure.hint(
-            "--sim arena, which drives a simulated one; --brick with the folder where one is \
-             mounted",
-        );
-        return Err(failure);
-    }
-    Ok((Brick::Local(tree), Pose::default()))
+    let tree = arguments.brick.files.tree();
+    let there = brick_is_there(&(Arc::new(tree.clone()) as Arc<dyn Tree>));
+    #[cfg(feature = "sim")]
+    let there = there.hint(
+        "--sim arena, which drives a simulated one; --brick with the folder where one is mounted",
+    );
+    there.map(|()| (Brick::Local(tree), Pose::default()))
 }
 
 /// A simulated robot stands where its world lets it start, and is not told that it stands

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::common::{chosen_robot, load_robot, load_world, read_source, warn, write_file};
+use super::common::{chosen_robot, load_robot, load_world, read_own, warn, write_file};
 use super::terminal::stop_flags;
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
@@ -340,7 +340,7 @@ fn nodes(
 fn scenario(arguments: &Arguments) -> Result<Option<Scenario>, Failure> {
     let Some(path) = &arguments.scenario else { return Ok(None) };
     const SHOWN: &str = "onbrick explain using, which shows one";
-    let source = read_source(path, |_| None).hint(SHOWN)?;
+    let source = read_own(path, SHOWN)?;
     let parsed = Scenario::parse(&source.name, source.text.as_bytes());
     let (scenario, warnings) = parsed.map_err(Failure::from).hint(SHOWN)?;
     warn(&warnings);

@@ -34,7 +34,7 @@
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU16, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
 use super::curve::NoCurve;
@@ -44,7 +44,7 @@ use super::pairing::PairingWindow;
 use crate::protocol::MAX_REQUEST_BYTES;
 use crate::protocol::{Name, Operations, Pairing};
 use crate::service::NetworkLink;
-use crate::threads::spawn;
+use crate::threads::{lock, spawn};
 
 mod front;
 mod limits;
@@ -155,7 +155,7 @@ struct Shared {
 
 impl Shared {
     fn set(&self, state: LinkState) {
-        *self.state.lock().unwrap_or_else(PoisonError::into_inner) = state;
+        *lock(&self.state) = state;
     }
 
     fn is_stopped(&self) -> bool {
@@ -206,7 +206,7 @@ impl Server {
     /// How it is.
     #[must_use]
     pub fn state(&self) -> LinkState {
-        self.shared.state.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.shared.state).clone()
     }
 
     /// The pairing window.

@@ -28,7 +28,7 @@
 mod state;
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use self::state::{Cursor, Phase, Session};
 use super::png_file;
@@ -38,6 +38,7 @@ use crate::page::{Asked, Kind, LocalPage, Place, Shown};
 use crate::recording::Status;
 use crate::runtime::Event;
 use crate::sim::Simulation;
+use crate::threads::lock;
 
 /// What the page is made of.
 const PARTS: [(&str, Kind, &str); 3] = [
@@ -119,7 +120,7 @@ impl Board {
     }
 
     fn session(&self) -> MutexGuard<'_, Session> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.0)
     }
 }
 

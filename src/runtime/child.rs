@@ -30,7 +30,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use log::LevelFilter;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
@@ -45,7 +45,7 @@ use super::{
 use crate::clock::{Clock, MonotonicClock};
 use crate::ev3dev::Tree as _;
 use crate::printable::{json_line, with_causes};
-use crate::threads::spawn;
+use crate::threads::{lock, spawn};
 
 /// No job is longer, bytes: two files of the largest size, and JSON's escapes.
 const LONGEST_JOB: u64 = 64 << 20;
@@ -340,7 +340,7 @@ impl Stopper {
     }
 
     fn stopping(&self) -> MutexGuard<'_, Stopping> {
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.inner)
     }
 }
 

@@ -2,7 +2,7 @@
 //! hardware.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 
 use serde::Serialize;
 
@@ -22,6 +22,7 @@ use crate::protocol::{
 };
 use crate::robot::BatteryConfig;
 use crate::runtime::{NotReady, StopBy, WhenAbandoned};
+use crate::threads::lock;
 
 /// Why there is no service.
 #[derive(Debug, thiserror::Error)]
@@ -384,8 +385,4 @@ fn answer(value: &impl Serialize) -> Result<Answer, Refusal> {
     let value = serde_json::to_value(value)
         .map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
     Ok(Answer { value, bytes: None })
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

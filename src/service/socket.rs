@@ -19,7 +19,7 @@ use std::os::unix::fs::{PermissionsExt, chown};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use nix::sys::socket::{getsockopt, sockopt::PeerCredentials};
@@ -32,7 +32,7 @@ use crate::protocol::{
     Refusal, Reply, parse_local,
 };
 use crate::runtime::groups;
-use crate::threads::spawn;
+use crate::threads::{lock, spawn};
 
 /// Connections at a time.
 pub const MAX_CLIENTS: usize = 128;
@@ -241,8 +241,7 @@ impl ClientThread {
             return Ok(LineRead::End);
         }
         if line.last() != Some(&b'\n') && line.len() >= SHORT_LINE {
-            let _one_at_a_time =
-                self.clients.long_line.lock().unwrap_or_else(PoisonError::into_inner);
+            let _one_at_a_time = lock(&self.clients.long_line);
             stream.set_read_timeout(Some(PATIENCE))?;
             read_up_to(reader, line, MAX_REQUEST_BYTES + 1)?;
             stream.set_read_timeout(None)?;

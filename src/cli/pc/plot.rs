@@ -45,10 +45,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     };
     let bytes = bytes.map_err(|error| Failure::from_error(Exit::Failed, "cannot draw", &error))?;
     write_file(&arguments.output, &bytes)?;
-    output.show(
-        format!("wrote {}", arguments.output.display()),
-        &serde_json::json!({ "wrote": arguments.output }),
-    );
+    output.wrote(&arguments.output);
     Ok(())
 }
 

@@ -8,7 +8,7 @@
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, mpsc};
 
 use super::super::common::Progress;
 use super::super::folder::next_to;
@@ -24,6 +24,7 @@ use crate::report::live::{Board, LivePage, Sources, Wish};
 use crate::runtime::{Brick, Ended, Event, Job, NoHeartbeat, StopBy, StopFlags, Stopper, execute};
 use crate::sim::Simulation;
 use crate::simulated::{Simulated, simulated_at};
+use crate::threads::lock;
 
 /// How often it is looked whether the page is done with, nanoseconds.
 const LOOK_NS: i64 = 50 * MILLISECOND_NS;
@@ -243,7 +244,7 @@ impl Hand {
     }
 
     fn stopper(&self) -> MutexGuard<'_, Option<Stopper>> {
-        self.stopper.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.stopper)
     }
 
     /// Ctrl-C.

@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 use super::bring::{Bringing, Brought};
@@ -18,7 +18,7 @@ use crate::link::client::new_run_id;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, Patience};
 use crate::protocol::{Chosen, LiveDevice, RunId, RunInfo, State, Status, Stopped};
 use crate::report::live::{Board, Wish};
-use crate::threads::spawn;
+use crate::threads::{lock, spawn};
 
 /// How often a brick is asked how it is, nanoseconds: as a rule, and until it stands still that was
 /// told to stop.
@@ -147,7 +147,7 @@ impl Brick {
     }
 
     pub(super) fn seen(&self) -> MutexGuard<'_, Seen> {
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.seen)
     }
 
     /// Has the brick's thread do something, one after the other.

@@ -7,7 +7,7 @@
 //! picture. The team's own recording (`team.mcap`) is `onbrick team`'s.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -16,6 +16,7 @@ use super::brick::Brick;
 use super::hall::Hall;
 use crate::cli::pc::team::check::unready;
 use crate::link::team;
+use crate::threads::lock;
 
 /// A brick of the team, and where it starts: metres, metres, degrees.
 #[derive(Debug, Clone, Deserialize)]
@@ -37,7 +38,7 @@ struct Team {
 impl Together {
     /// Who runs what from where.
     pub(super) fn state(&self) -> Value {
-        let team = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let team = lock(&self.0);
         let Some(Team { mission, members }) = &*team else { return Value::Null };
         let members: Vec<Value> =
             members.iter().map(|Member { brick, pose }| json!([brick, pose])).collect();
@@ -46,7 +47,7 @@ impl Together {
 
     /// The bricks of the team.
     pub(super) fn members(&self) -> Vec<usize> {
-        let team = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let team = lock(&self.0);
         team.iter().flat_map(|team| &team.members).map(|member| member.brick).collect()
     }
 }
@@ -69,8 +70,7 @@ pub(super) fn start(
         return Err(problems.join("\n"));
     }
     hall.whole(name, text)?;
-    *hall.together.0.lock().unwrap_or_else(PoisonError::into_inner) =
-        Some(Team { mission: name.to_owned(), members: members.clone() });
+    *lock(&hall.together.0) = Some(Team { mission: name.to_owned(), members: members.clone() });
     for (brick, member) in bricks.iter().zip(&members) {
         hall.start(brick, name, text, Some(member.pose))?;
     }
