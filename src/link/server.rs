@@ -44,6 +44,7 @@ use super::pairing::PairingWindow;
 use crate::protocol::MAX_REQUEST_BYTES;
 use crate::protocol::{Name, Operations, Pairing};
 use crate::service::NetworkLink;
+use crate::service::config::LinkConfig;
 use crate::threads::{lock, spawn};
 
 mod front;
@@ -65,12 +66,8 @@ pub struct ServerConfig {
     pub keys: PathBuf,
     /// What the brick calls itself.
     pub name: Name,
-    /// The address that it listens at: `*`, or one of the brick's in numbers.
-    pub address: String,
-    /// Its port; 0 for any that is free.
-    pub port: u16,
-    /// The port of the pairing window; 0 for any that is free.
-    pub pairing_port: u16,
+    /// Where it listens; port 0 is any that is free.
+    pub listens: LinkConfig,
 }
 
 /// How the server is.
@@ -116,7 +113,7 @@ pub(crate) enum ServerError {
     NoWorker,
     /// libzmq has no socket or no memory left.
     #[error("sockets cannot be used: {0}")]
-    Socket(zmq::Error),
+    Socket(#[from] zmq::Error),
     /// The system gives no thread.
     #[error("no thread can be started: {0}")]
     Thread(std::io::Error),
@@ -175,8 +172,8 @@ impl Server {
         let shared = Arc::new(Shared {
             state: Mutex::new(LinkState::Waits("its thread")),
             stop: AtomicBool::new(false),
-            port: AtomicU16::new(config.port),
-            pairing_port: AtomicU16::new(config.pairing_port),
+            port: AtomicU16::new(config.listens.port),
+            pairing_port: AtomicU16::new(config.listens.pairing_port),
             window,
         });
         let ours = Arc::clone(&shared);

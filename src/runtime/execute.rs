@@ -354,15 +354,9 @@ fn record(
         settings: job.set.clone(),
         method: job.method,
     };
-    let start = Start {
-        info,
-        robot_toml: job.robot.text.clone(),
-        mission_toml: job.mission.text.clone(),
-        world_toml: environment.world_toml.clone(),
-        range: recording::range_sensor(config),
-        machines: recording::machines(mission),
-        variables: recording::variables(mission),
-    };
+    let robot = (config, job.robot.text.as_str());
+    let mission = (mission, job.mission.text.as_str());
+    let start = Start::of(info, robot, mission, environment.world_toml.clone());
     let options = Options { sync_period_ns: job.sync_ns, ..Options::default() };
     let on_status =
         Box::new(move |status: &recording::Status| report(&Event::Status(status.clone())));

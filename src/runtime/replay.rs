@@ -286,15 +286,8 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
         pace: Pace::Virtual,
         ..cast.info.clone()
     };
-    let start = Start {
-        info,
-        robot_toml: robot.text.clone(),
-        mission_toml: run.mission_toml.clone().unwrap_or_default(),
-        world_toml: run.world_toml.clone(),
-        range: recording::range_sensor(&config),
-        machines: recording::machines(&cast.mission),
-        variables: recording::variables(&cast.mission),
-    };
+    let mission = (&cast.mission, run.mission_toml.as_deref().unwrap_or_default());
+    let start = Start::of(info, (&config, &robot.text), mission, run.world_toml.clone());
     let sink = recording::create(file)
         .map_err(|source| RecordError { doing: "create the file", source })?;
     let (recorder, mut tick_side) =

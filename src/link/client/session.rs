@@ -183,7 +183,7 @@ impl Session {
             return Ok(false);
         }
         let sent = self.connection.as_ref().map_or(Ok(false), |connection| connection.send(&json));
-        if !sent.map_err(ClientError::Socket)? {
+        if !sent? {
             self.connection = None;
             self.pause()?;
             return Ok(false);
@@ -195,7 +195,7 @@ impl Session {
     pub(super) fn receive(&mut self, until_ns: i64) -> Result<Waited, ClientError> {
         loop {
             let Some(connection) = &mut self.connection else { return Ok(Waited::Broken) };
-            if let Some(received) = connection.receive().map_err(ClientError::Socket)? {
+            if let Some(received) = connection.receive()? {
                 (self.heard_ns, self.has_said, self.backoff_ns) =
                     (MonotonicClock.now_ns(), false, 0);
                 if let Some((id, answer)) = self.taken(received) {
@@ -214,7 +214,7 @@ impl Session {
                 return Ok(Waited::Nothing);
             }
             if let Some(connection) = &self.connection {
-                connection.wait(left_ms.min(NAP_MS)).map_err(ClientError::Socket)?;
+                connection.wait(left_ms.min(NAP_MS))?;
             }
             self.check_patience()?;
         }
@@ -255,7 +255,7 @@ impl Session {
         serde_json::from_value(value).map_err(|error| self.not_understood(error.to_string()))
     }
 
-    fn not_understood(&self, message: String) -> ClientError {
+    pub(super) fn not_understood(&self, message: String) -> ClientError {
         ClientError::NotUnderstood { address: self.written.clone(), message }
     }
 
@@ -270,7 +270,7 @@ impl Session {
                 return Ok(false);
             };
             let opened = Connection::open(&self.context.0, *to, self.key, &self.own);
-            self.connection = Some(opened.map_err(ClientError::Socket)?);
+            self.connection = Some(opened?);
         }
         loop {
             self.check_patience()?;
@@ -291,7 +291,7 @@ impl Session {
                     return Ok(false);
                 }
             }
-            connection.wait(NAP_MS).map_err(ClientError::Socket)?;
+            connection.wait(NAP_MS)?;
         }
     }
 

@@ -339,10 +339,7 @@ impl Brick {
 
     fn begin(&self, client: &mut Client, start: Start) -> Result<String, ClientError> {
         let Start { name, text, pose } = start;
-        let run = new_run_id(&name).map_err(|error| {
-            let message = error.to_string();
-            ClientError::NotUnderstood { address: self.known.address.clone(), message }
-        })?;
+        let run = new_run_id(&name)?;
         {
             let mut seen = self.seen();
             (seen.stopping, seen.started) = (None, None);
