@@ -321,7 +321,7 @@ impl std::fmt::Display for Ended {
 }
 
 /// Who is told, tick by tick, that the loop is alive.
-pub trait Heartbeat: std::fmt::Debug + Send {
+pub trait Heartbeat: Send {
     /// The tick of this time, nanoseconds of the run's clock, is done. Must not wait.
     fn beat(&mut self, now_ns: i64);
 }

@@ -296,13 +296,13 @@ fn page(
     arguments: &Arguments,
     simulation: &Simulation,
     output: &mut Output,
-) -> Result<Option<crate::report::live::LivePage>, Failure> {
-    use crate::report::live::{Board, LivePage, Sources};
+) -> Result<Option<crate::report::live::LocalPage>, Failure> {
+    use crate::report::live::{Board, Sources};
     let Some(port) = arguments.page else { return Ok(None) };
     let board = Board::default();
     let title = arguments.world.display().to_string();
     board.show(Sources { title, simulation: Some(simulation.clone()), ..Sources::default() });
-    let page = LivePage::serve(&board, port, &[], |_| ())?;
+    let page = board.serve(port, &[], |_| ())?;
     output
         .show(format!("the room is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
     Ok(Some(page))

@@ -16,6 +16,8 @@ use super::walk::{Found, Integrity, walk};
 use crate::behavior::Taken;
 use crate::mapping::{self, Keyframe, MapPoint, Method, Pose, Range, Sight};
 use crate::senses::{Channel, Reading, Senses};
+#[cfg(feature = "host")]
+use crate::sim::World;
 use crate::units::counted;
 
 /// The longest file that is read: about a day of a run.
@@ -221,6 +223,13 @@ impl Run {
         run.warnings = warnings(&integrity, undecoded, run.ending.is_some());
         run.integrity = integrity;
         Ok(run)
+    }
+
+    /// The world that it was simulated in, where that is in it and can still be read.
+    #[cfg(feature = "host")]
+    pub(crate) fn world(&self) -> Option<World> {
+        let text = self.world_toml.as_ref()?;
+        World::parse("world.toml of the recording", text.as_bytes()).ok().map(|(world, _)| world)
     }
 
     /// The map's points where they are as it is known at the end, without those of what does not

@@ -20,7 +20,7 @@ use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, PacedClock};
 use crate::ev3dev::{Access, Tree};
 use crate::menu::{Canvas, ended_picture, running_picture};
 use crate::protocol::{LastStop, RunId, RunStatus};
-use crate::report::live::{Board, LivePage, Sources, Wish};
+use crate::report::live::{Board, Sources, Wish};
 use crate::runtime::{Brick, Ended, Event, Job, NoHeartbeat, StopBy, StopFlags, Stopper, execute};
 use crate::sim::Simulation;
 use crate::simulated::{Simulated, simulated_at};
@@ -39,11 +39,10 @@ pub(super) fn run(port: u16, arguments: &Arguments, output: &mut Output) -> Resu
         Brick::Local(_) => &[Wish::Stop],
     };
     let grant = hand.clone();
-    let page =
-        LivePage::serve(&board, port, granted, move |wish| grant.grant(wish)).map_err(|error| {
-            next.folder.take_back();
-            Failure::from(error)
-        })?;
+    let page = board.serve(port, granted, move |wish| grant.grant(wish)).map_err(|error| {
+        next.folder.take_back();
+        Failure::from(error)
+    })?;
     let url = page.url();
     output.show(
         format!("the run is at {url}; Ctrl-C ends run and page"),

@@ -41,9 +41,8 @@ const NAP: Duration = Duration::from_millis(NAP_MS as u64);
 const WORTH_A_WORD_NS: i64 = 2 * SECOND_NS;
 
 /// A line to one brick.
-#[derive(Debug)]
 pub(in crate::link) struct Session {
-    context: Context,
+    context: zmq::Context,
     written: String,
     address: Address,
     key: PublicKey,
@@ -63,11 +62,9 @@ pub(in crate::link) struct Session {
     has_said: bool,
 }
 
-struct Context(zmq::Context);
-
-impl std::fmt::Debug for Context {
+impl std::fmt::Debug for Session {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Context")
+        f.debug_struct("Session").field("address", &self.written).finish_non_exhaustive()
     }
 }
 
@@ -94,7 +91,7 @@ impl Session {
     ) -> Result<Self, ClientError> {
         curve::require()?;
         Ok(Self {
-            context: Context(zmq::Context::new()),
+            context: zmq::Context::new(),
             written: address.to_owned(),
             address: Address::parse(address, usual_port),
             key,
@@ -269,7 +266,7 @@ impl Session {
                 self.pause()?;
                 return Ok(false);
             };
-            let opened = Connection::open(&self.context.0, *to, self.key, &self.own);
+            let opened = Connection::open(&self.context, *to, self.key, &self.own);
             self.connection = Some(opened?);
         }
         loop {
