@@ -252,6 +252,15 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     mount.unmount().map_err(|error| {
         Failure::from_error(Exit::Failed, "cannot take the mount away", &error).hint(error.hint())
     })?;
+    tell_end(&simulation, unmounted_by_others, output);
+    match &arguments.show {
+        Some(file) => draw(file, &simulation),
+        None => Ok(()),
+    }
+}
+
+/// Says how long it was, and what was done to the robots on purpose.
+fn tell_end(simulation: &Simulation, unmounted_by_others: bool, output: &mut Output) {
     let (simulated_s, lost_s) = (seconds(simulation.now_ns()), seconds(simulation.lost_ns()));
     let lost = if lost_s > 0.0 {
         format!(", and {lost_s:.1} s were lost: this machine was too slow")
@@ -259,7 +268,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         String::new()
     };
     let by = if unmounted_by_others { " by another program" } else { "" };
-    let faults = done(&simulation);
+    let done = simulation.faults_done().into_iter().map(|record| Done {
+        time_s: seconds(record.time_ns),
+        robot: record.robot + 1,
+        what: record.what,
+    });
+    let faults: Vec<Done> = done.collect();
     let told: String = faults
         .iter()
         .map(|done| format!("\n{:8.3} s, robot {}: {}", done.time_s, done.robot, done.what))
@@ -268,21 +282,6 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         format!("unmounted{by} after {simulated_s:.1} simulated seconds{lost}{told}"),
         &Ended { simulated_s, lost_s, unmounted_by_others, faults },
     );
-    match &arguments.show {
-        Some(file) => draw(file, &simulation),
-        None => Ok(()),
-    }
-}
-
-/// What was done to the robots on purpose.
-fn done(simulation: &Simulation) -> Vec<Done> {
-    let done = simulation.faults_done().into_iter();
-    done.map(|record| Done {
-        time_s: seconds(record.time_ns),
-        robot: record.robot + 1,
-        what: record.what,
-    })
-    .collect()
 }
 
 /// Writes the still.

@@ -165,9 +165,9 @@ fn done(hall: &Arc<Hall>, path: &[&str], text: &str) -> Result<Shown, String> {
         ["identify"] => hall.brick(read::<OfBrick>(text)?.brick)?.order(Order::Identify),
         ["start"] => {
             let StartOn { bricks, mission: Text { name, text } } = read(text)?;
-            for number in bricks {
-                hall.start(&*hall.brick(number)?, &name, &text, None)?;
-            }
+            let bricks: Vec<_> =
+                bricks.into_iter().map(|number| hall.brick(number)).collect::<Result<_, _>>()?;
+            bricks.iter().try_for_each(|brick| hall.start(brick, &name, &text, None))?;
         }
         ["team"] => {
             let StartTeam { members, mission: Text { name, text } } = read(text)?;
@@ -271,7 +271,8 @@ fn runs(brick: &Brick) -> Value {
 }
 
 fn map(file: &std::path::Path) -> Result<Shown, String> {
-    picture(open_run(file).ok().as_slice(), None)
+    let run = file.exists().then(|| open_run(file)).transpose();
+    picture(run.map_err(|failure| failure.message)?.as_slice(), None)
 }
 
 /// What the team's bricks have found, in one picture.
