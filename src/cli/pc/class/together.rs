@@ -114,3 +114,32 @@ fn problems(bricks: &[Arc<Brick>], members: &[Member]) -> Vec<String> {
     }
     problems
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::Ordering;
+
+    use super::*;
+    use crate::link::{KeyPair, KnownBrick};
+
+    #[test]
+    fn a_brick_is_in_a_team_once_and_no_two_stand_in_one_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let own = KeyPair::generate().unwrap();
+        let brick = |name: &str, key| {
+            let known =
+                KnownBrick { name: name.to_owned(), address: "127.0.0.1:1".to_owned(), key };
+            Brick::start(&known, &own, folder.path())
+        };
+        let (blue, red) =
+            (brick("blue", own.public()), brick("red", KeyPair::generate().unwrap().public()));
+        let at = |x_m: f64| Member { brick: 0, pose: [x_m, 0.0, 0.0] };
+        let twice = problems(&[Arc::clone(&blue), Arc::clone(&blue)], &[at(0.0), at(3.0)]);
+        let near = problems(&[Arc::clone(&blue), Arc::clone(&red)], &[at(0.0), at(0.05)]);
+        let apart = problems(&[Arc::clone(&blue), Arc::clone(&red)], &[at(0.0), at(3.0)]);
+        [blue, red].iter().for_each(|brick| brick.over.store(true, Ordering::Relaxed));
+        assert!(twice.iter().any(|text| text.contains("the same brick")), "{twice:?}");
+        assert!(near.iter().any(|text| text.contains("in the same place")), "{near:?}");
+        assert_eq!(apart.len(), 2, "neither answers, and no more: {apart:?}");
+    }
+}
