@@ -74,11 +74,11 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), SaveError> {
     write_for(Readers::AsUsual, path, bytes)
 }
 
-/// As [`write`], for a file that only its owner reads.
+/// As [`write()`], for a file that only its owner reads.
 ///
 /// # Errors
 ///
-/// As [`write`].
+/// As [`write()`].
 pub fn write_private(path: &Path, text: &str) -> Result<(), SaveError> {
     write_for(Readers::Owner, path, text.as_bytes())
 }
