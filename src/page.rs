@@ -129,25 +129,21 @@ const POLICY: &str = "default-src 'none'; style-src 'self'; script-src 'self'; c
      form-action 'none'";
 
 /// A page that is being served. Dropping it ends that.
-#[derive(Debug)]
-pub(crate) struct LocalPage {
+pub struct LocalPage {
     url: String,
-    server: Arc<Unshown>,
+    server: Arc<Server>,
     threads: Vec<JoinHandle<()>>,
+}
+
+impl std::fmt::Debug for LocalPage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LocalPage").field("url", &self.url).finish_non_exhaustive()
+    }
 }
 
 /// As many requests are answered at a time, so that one that takes its time, such as a picture,
 /// holds up no other.
 const THREADS: usize = 3;
-
-/// The server, which has nothing to show of itself.
-struct Unshown(Server);
-
-impl std::fmt::Debug for Unshown {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Server")
-    }
-}
 
 impl LocalPage {
     /// Serves what `answer` has for each request.
@@ -167,7 +163,7 @@ impl LocalPage {
             .server_addr()
             .to_ip()
             .ok_or_else(|| failed("no address was given".to_owned()))?;
-        let server = Arc::new(Unshown(server));
+        let server = Arc::new(server);
         let below = place.token.as_ref().map_or_else(String::new, |token| format!("/{token}"));
         let url = format!("http://{address}{below}/");
         let mut page = Self { url, server: Arc::clone(&server), threads: Vec::new() };
@@ -175,7 +171,7 @@ impl LocalPage {
         for _ in 0..THREADS {
             let (served, answer, below) = (Arc::clone(&server), Arc::clone(&answer), below.clone());
             let serve = move || {
-                for mut request in served.0.incoming_requests() {
+                for mut request in served.incoming_requests() {
                     let shown = shown(&mut request, address, &below, most_posted, &*answer);
                     // A browser that has gone away needs no answer.
                     let _ = respond(request, shown);
@@ -188,7 +184,8 @@ impl LocalPage {
     }
 
     /// Where the page is.
-    pub(crate) fn url(&self) -> &str {
+    #[must_use]
+    pub fn url(&self) -> &str {
         &self.url
     }
 }
@@ -196,7 +193,7 @@ impl LocalPage {
 impl Drop for LocalPage {
     fn drop(&mut self) {
         // One wakes one.
-        self.threads.iter().for_each(|_| self.server.0.unblock());
+        self.threads.iter().for_each(|_| self.server.unblock());
         for thread in self.threads.drain(..) {
             // A panic of the server has been reported already.
             let _ = thread.join();

@@ -117,6 +117,13 @@ pub fn json(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
+/// A value as a line of JSON, as processes tell each other.
+pub(crate) fn json_line(value: &impl serde::Serialize) -> serde_json::Result<Vec<u8>> {
+    let mut line = serde_json::to_vec(value)?;
+    line.push(b'\n');
+    Ok(line)
+}
+
 /// Letters without a shape, which the table of what can be printed takes for letters: names with
 /// and without them look alike.
 const BLANK: [char; 8] =

@@ -124,7 +124,6 @@ pub use grid::Grid;
 pub use growing::{Growing, Piece};
 pub use message::{Checkpoint, Gap, TickStatistics, Variables};
 pub use moments::{Moment, Moments};
-pub(crate) use names::{machines, range_sensor, variables};
 pub use outside::ending_of;
 pub use progress::Progress;
 #[cfg(feature = "host")]

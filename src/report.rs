@@ -326,12 +326,17 @@ fn is_single(scene: &Scene) -> bool {
     scene.tracks.len() <= 1
 }
 
-/// Leaves out what is nearer than `least_m` to the last that was kept; the first and the last stay.
-fn thinned(path: &[PathPoint], least_m: f64) -> Vec<PathPoint> {
+/// No path is drawn finer, metres.
+const LEAST_STEP_M: f64 = 0.004;
+
+/// Leaves out what is nearer than [`LEAST_STEP_M`] to the last that was kept; the first and the
+/// last stay.
+fn thinned(path: &[PathPoint]) -> Vec<PathPoint> {
     let mut kept: Vec<PathPoint> = Vec::new();
     for point in path {
-        let far =
-            |last: &PathPoint| libm::hypot(point.x_m - last.x_m, point.y_m - last.y_m) >= least_m;
+        let far = |last: &PathPoint| {
+            libm::hypot(point.x_m - last.x_m, point.y_m - last.y_m) >= LEAST_STEP_M
+        };
         if kept.last().is_none_or(far) {
             kept.push(*point);
         }
@@ -354,12 +359,12 @@ mod tests {
 
     #[test]
     fn thinning_keeps_the_ends() {
-        let path: Vec<PathPoint> = (0..=1000).map(|step| at(f64::from(step) * 0.001)).collect();
-        let kept = thinned(&path, 0.1);
+        let path: Vec<PathPoint> = (0..=1000).map(|step| at(f64::from(step) * 4e-5)).collect();
+        let kept = thinned(&path);
         assert_eq!((kept.first(), kept.last()), (path.first(), path.last()));
         assert!(kept.len() <= 12, "{}", kept.len());
-        assert_eq!(thinned(&[], 0.1), []);
-        assert_eq!(thinned(&[at(1.0)], 0.1), [at(1.0)]);
+        assert_eq!(thinned(&[]), []);
+        assert_eq!(thinned(&[at(1.0)]), [at(1.0)]);
     }
 
     /// A track whose points are every 2 cm, twice, on a rectangle's sides around the origin, where

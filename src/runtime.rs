@@ -28,6 +28,9 @@ use crate::document::{Document, Findings, read_bounded};
 use crate::ev3dev::LocalTree;
 use crate::mapping::{Method, Pose};
 use crate::recording;
+use crate::robot::RobotConfig;
+#[cfg(feature = "sim")]
+use crate::sim::World;
 use crate::units::counted;
 
 mod battery;
@@ -51,7 +54,7 @@ mod stall;
 pub use crate::recording::{STALL_NS, Stop, StopReason};
 pub use battery::{Charge, HOLD_NS, SLOW_SHARE};
 pub use child::{
-    Order, RunError, RunProcess, StartError, StopBy, Stopper, never_wait, obey, read_job, verbosity,
+    Order, RunError, RunProcess, StartError, StopBy, Stopper, never_wait, obey, read_job,
 };
 pub use control::{Control, StopFlags, Tally};
 pub use environment::{CreateSink, Environment, SeeTruth, Truth};
@@ -63,6 +66,8 @@ pub use pilot::{ChangedVariables, Pilot, PilotError, PilotState, Step};
 pub use prepare::{GYRO_STILL_RAD, NotReady, prepare};
 #[cfg(feature = "cli")]
 pub use process::{ProcessError, control, guard};
+#[cfg(feature = "host")]
+pub(crate) use replay::Again;
 pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, replay, replay_with, whole_map};
 
 /// A file as it was read, with the name that findings use.
@@ -111,6 +116,17 @@ impl Source {
         capabilities: &Capabilities,
     ) -> Result<(Mission, Findings), Findings> {
         Mission::parse(&self.name, self.text.as_bytes(), capabilities)
+    }
+
+    /// Reads it as a robot, with what is worth a warning.
+    pub(crate) fn robot(&self) -> Result<(RobotConfig, Findings), Findings> {
+        RobotConfig::load(&self.name, self.text.as_bytes())
+    }
+
+    /// Reads it as a world, with what is worth a warning.
+    #[cfg(feature = "sim")]
+    pub(crate) fn world(&self) -> Result<(World, Findings), Findings> {
+        World::parse(&self.name, self.text.as_bytes())
     }
 }
 
@@ -305,7 +321,7 @@ impl std::fmt::Display for Ended {
 }
 
 /// Who is told, tick by tick, that the loop is alive.
-pub trait Heartbeat: std::fmt::Debug + Send {
+pub trait Heartbeat: Send {
     /// The tick of this time, nanoseconds of the run's clock, is done. Must not wait.
     fn beat(&mut self, now_ns: i64);
 }

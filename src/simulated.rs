@@ -16,7 +16,7 @@ use crate::recording::{Pace, STALL_NS};
 use crate::robot::{MotorRole, RobotConfig, StopButton};
 use crate::runtime::{Brick, Environment, Job, Refused, Source, Truth};
 use crate::senses::{Channel, Role};
-use crate::sim::{Observer, Port, SensorKind, Simulation, World, WorldPhysics};
+use crate::sim::{Observer, Port, SensorKind, Simulation, WorldPhysics};
 
 /// A world whose robot is built as `robot.toml` describes it, where the world itself says nothing
 /// of its robot.
@@ -131,7 +131,7 @@ pub fn simulation(
     near: Pose,
     clock: Arc<dyn Clock>,
 ) -> Result<(Simulation, Observer), Refused> {
-    let (parsed, _) = World::parse(&world.name, world.text.as_bytes())?;
+    let (parsed, _) = world.world()?;
     let physics = WorldPhysics::new(parsed.with_start_near(near.x_m, near.y_m), 1, seed)
         .map_err(|error| Refused::World(error.into()))?;
     let observer = physics.observer();
@@ -203,6 +203,7 @@ mod tests {
     use super::*;
     use crate::clock::{MILLISECOND_NS, SECOND_NS};
     use crate::robot::{DEFAULT_ROBOT, ROBOTS};
+    use crate::sim::World;
 
     /// The time that a simulated brick has given up for lost, `pause_ns` after it was made.
     fn lost_ns(realtime: bool, pause_ns: i64) -> i64 {

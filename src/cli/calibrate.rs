@@ -84,7 +84,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             arguments.robot.display()
         )));
     }
-    let robot = load_robot(Some(&arguments.robot), output)?;
+    let robot = load_robot(Some(&arguments.robot))?;
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
     brick_is_there(&tree)?;
     let flags = stop_flags()?;

@@ -37,9 +37,9 @@ struct Checked<'f> {
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let capabilities = match &arguments.robot {
-        Some(path) => load_robot(Some(path), output)?.config.capabilities(),
+        Some(path) => load_robot(Some(path))?.config.capabilities(),
         None => {
-            let limits = load_robot(None, output)?.config.capabilities().limits;
+            let limits = load_robot(None)?.config.capabilities().limits;
             Capabilities { limits, ..Capabilities::all() }
         }
     };

@@ -56,6 +56,14 @@ pub(super) fn read_source(
     Ok(Source::of(&name, &read_bounded(path)?)?)
 }
 
+/// Reads a file that a person wrote; `hint` is the way out where there is none of this name.
+#[cfg(feature = "sim")]
+pub(super) fn read_own(path: &Path, hint: &str) -> Result<Source, Failure> {
+    // An existing file's own error says what is wrong with it.
+    read_source(path, |_| None)
+        .map_err(|failure| if path.is_file() { failure } else { failure.hint(hint) })
+}
+
 /// Reads a mission's file, or takes a shipped one, with the sub-machines that it uses.
 pub(super) fn read_mission(path: &Path) -> Result<Source, Failure> {
     let source = read_source(path, shipped_mission).map_err(|failure| {
@@ -114,16 +122,12 @@ pub(super) fn read_robot(path: &Path) -> Result<Source, Failure> {
 }
 
 /// Loads a robot's file or a shipped one; warnings go to the log.
-pub(super) fn load_robot(
-    path: Option<&Path>,
-    _output: &mut Output,
-) -> Result<LoadedRobot, Failure> {
+pub(super) fn load_robot(path: Option<&Path>) -> Result<LoadedRobot, Failure> {
     let source = match path {
         Some(path) => read_robot(path)?,
         None => Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() },
     };
-    let (config, warnings) = RobotConfig::load(&source.name, source.text.as_bytes())
-        .map_err(|findings| Failure::from(findings).hint(SHOW_ROBOT))?;
+    let (config, warnings) = source.robot().map_err(Failure::from).hint(SHOW_ROBOT)?;
     warn(&warnings);
     Ok(LoadedRobot { source, config })
 }
@@ -313,11 +317,8 @@ pub(super) fn load_world(path: &Path) -> Result<(Source, Pose), Failure> {
         let names = crate::sim::World::names().collect::<Vec<_>>();
         hint_at_names(failure, path, "world", &names)
     })?;
-    let (world, warnings) = crate::sim::World::parse(&source.name, source.text.as_bytes())
-        .map_err(|findings| {
-            Failure::refused(findings.to_string())
-                .hint("onbrick new world, which shows a whole file with comments")
-        })?;
+    const SHOWN: &str = "onbrick new world, which shows a whole file with comments";
+    let (world, warnings) = source.world().map_err(Failure::from).hint(SHOWN)?;
     warn(&warnings);
     let start = world.starts().first();
     let start =

@@ -139,22 +139,20 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             let replaced =
                 known.another(name, &brick.key).filter(|_| *replace).map(|other| other.key);
             known.put(&brick, replaced)?;
-            let fingerprint = brick.key.fingerprint();
-            output.show(
-                format!(
-                    "{} is known from now on: {} ({fingerprint})",
-                    brick.name,
-                    known.path().display(),
-                ),
-                &serde_json::json!({
-                    "known": brick.name,
-                    "address": brick.address,
-                    "fingerprint": fingerprint,
-                }),
-            );
+            show_known("known", &brick, &known, output);
         }
     }
     Ok(())
+}
+
+/// A brick is known from now on; `word` is what programs are told that it is.
+#[cfg(feature = "host")]
+pub(super) fn show_known(word: &str, brick: &KnownBrick, known: &KnownBricks, output: &mut Output) {
+    let (name, file, fingerprint) = (&brick.name, known.path().display(), brick.key.fingerprint());
+    output.show(
+        format!("{name} is known from now on: {file} ({fingerprint})"),
+        &serde_json::json!({ word: name, "address": brick.address, "fingerprint": fingerprint }),
+    );
 }
 
 /// What root puts into another user's folder is root's, and the service whose keys these are could

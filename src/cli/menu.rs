@@ -6,6 +6,7 @@ use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
 use super::brick::BrickFiles;
+use super::common::{LoadedRobot, load_robot};
 use super::serve::load_config;
 use super::terminal::stop_flags;
 use super::{Context, Exit, Failure, Hint, Output};
@@ -17,8 +18,7 @@ use crate::menu::{
     ServiceConnection, StartedBy, TalkKind, Talker, Told, Trouble, WIDTH, attend,
 };
 use crate::protocol::{Answer, LocalRequest};
-use crate::robot::RobotConfig;
-use crate::runtime::{HardwareLock, Source, StopFlags};
+use crate::runtime::{HardwareLock, StopFlags};
 use crate::service::client::{Client, ClientError};
 use crate::service::config::BRICK_FOLDER;
 
@@ -235,11 +235,8 @@ fn talk(
         None => crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut dialogue)
             .map_err(|error| text(&error))?,
         Some(options) => {
-            let bytes = super::common::read_bounded(robot).map_err(|failure| failure.message)?;
-            let name = robot.display().to_string();
-            let (config, _) =
-                RobotConfig::load(&name, &bytes).map_err(|findings| findings.to_string())?;
-            let source = Source { name, text: String::from_utf8_lossy(&bytes).into_owned() };
+            let LoadedRobot { source, config } =
+                load_robot(Some(robot)).map_err(|failure| failure.message)?;
             let calibration = crate::commissioning::calibrate(
                 &tree,
                 &MonotonicClock,
@@ -252,12 +249,7 @@ fn talk(
             calibration.apply(&source).map_err(|error| text(&error))?
         }
     };
-    let kept = if robot.exists() {
-        save::replace(robot, &written).map_err(|error| text(&error))?
-    } else {
-        save::create(robot, &written).map_err(|error| text(&error))?;
-        None
-    };
+    let kept = save::replace(robot, &written).map_err(|error| text(&error))?;
     let was =
         kept.map(|kept| format!(" What was there is now {}.", kept.display())).unwrap_or_default();
     Ok(format!("{} is written.{was}", robot.display()))

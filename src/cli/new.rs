@@ -74,7 +74,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     must_be_new(path)?;
     save::create(path, text)
         .map_err(|error| Failure::new(Exit::Failed, with_causes(&error)).hint(WRITABLE))?;
-    output.show(format!("wrote {}", path.display()), &serde_json::json!({ "wrote": path }));
+    output.wrote(path);
     Ok(())
 }
 

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::error::Error;
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
+use std::path::Path;
 use std::process::ExitCode;
 
 use serde::Serialize;
@@ -188,6 +189,11 @@ impl Output {
     /// As [`Output::show`]: a person gets a file's text unchanged, a program gets the value.
     pub fn text(&mut self, text: &str, value: &impl Serialize) {
         self.show(text.trim_end_matches('\n'), value);
+    }
+
+    /// Says that a file was written.
+    pub fn wrote(&mut self, file: &Path) {
+        self.show(format!("wrote {}", file.display()), &serde_json::json!({ "wrote": file }));
     }
 
     /// Says on the error stream why a command failed, and gives its exit code.

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 #[cfg(feature = "host")]
+use super::key::show_known;
+#[cfg(feature = "host")]
 use super::pc::remote::How;
 use super::terminal::{Terminal, stop_flags};
 use super::{Exit, Failure, Output};
@@ -111,7 +113,6 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
     let introduced = crate::link::pairing::pair(host, &own, &name, patience, &mut is_same)
         .map_err(|error| kept.as_ref().map_or_else(|| not_introduced(host, &error), stays))?;
     let brick = introduced.keep(&mut known, host, arguments.port)?;
-    let fingerprint = brick.key.fingerprint();
     if arguments.port.is_none() && names_a_port(host) {
         log::warn!(
             "the port in {host} was for pairing only; all other commands ask {} at port 5670: if \
@@ -119,14 +120,7 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
             brick.name
         );
     }
-    output.show(
-        format!("{} is known from now on: {} ({fingerprint})", brick.name, known.path().display()),
-        &serde_json::json!({
-            "paired": brick.name,
-            "address": brick.address,
-            "fingerprint": fingerprint,
-        }),
-    );
+    show_known("paired", &brick, &known, output);
     Ok(())
 }
 

@@ -88,7 +88,7 @@ fn again(run: &Path, named: bool, output: &mut Output) -> Result<(), Failure> {
 fn remake(run: &Path, robot: &Path, out: &Path, output: &mut Output) -> Result<(), Failure> {
     let recorded = open_run(run)?.run;
     must_be_new(out)?;
-    let robot = load_robot(Some(robot), output)?;
+    let robot = load_robot(Some(robot))?;
     let made = replay_with(&recorded, &robot.source, out)
         .map_err(|error| failure(&format!("cannot make {}", out.display()), &error))?;
     output.show(format!("{made}\nrecorded in {}", out.display()), &made);

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::brick::{MissionBrick, no_brick};
+#[cfg(feature = "sim")]
+use super::Hint as _;
+use super::brick::{MissionBrick, brick_is_there};
 use super::common::{
     chosen_robot, load_mission, load_robot, number_within, own_program, pose, read_mission,
     setting, stamps_ns, warn,
@@ -14,7 +16,7 @@ use super::terminal::signals;
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
-use crate::ev3dev::{Inventory, Tree};
+use crate::ev3dev::Tree;
 #[cfg(feature = "sim")]
 use crate::mapping::Method;
 use crate::mapping::Pose;
@@ -128,7 +130,7 @@ fn prepare(
     output: &mut Output,
 ) -> Result<Prepared, Failure> {
     let chosen = chosen_robot(arguments.robot.as_deref(), output);
-    let robot = load_robot(chosen.as_deref(), output)?;
+    let robot = load_robot(chosen.as_deref())?;
     let source = read_mission(&arguments.mission)?;
     let (mut mission, warnings) = load_mission(&source, &robot.config.capabilities())?;
     warn(&warnings);
@@ -212,19 +214,13 @@ fn brick(arguments: &Arguments, robot: Option<&RobotConfig>) -> Result<(Brick, P
     }
     #[cfg(not(feature = "sim"))]
     let _ = robot;
-    let files = &arguments.brick.files;
-    let tree = files.tree();
-    let inventory = Inventory::read(&(Arc::new(tree.clone()) as Arc<dyn Tree>));
-    if inventory.is_ok_and(|found| found.is_empty()) {
-        let failure = Failure { exit: Exit::Refused, ..no_brick(files.root()) };
-        #[cfg(feature = "sim")]
-        let failure = failure.hint(
-            "--sim arena, which drives a simulated one; --brick with the folder where one is \
-             mounted",
-        );
-        return Err(failure);
-    }
-    Ok((Brick::Local(tree), Pose::default()))
+    let tree = arguments.brick.files.tree();
+    let there = brick_is_there(&(Arc::new(tree.clone()) as Arc<dyn Tree>));
+    #[cfg(feature = "sim")]
+    let there = there.hint(
+        "--sim arena, which drives a simulated one; --brick with the folder where one is mounted",
+    );
+    there.map(|()| (Brick::Local(tree), Pose::default()))
 }
 
 /// A simulated robot stands where its world lets it start, and is not told that it stands
@@ -232,8 +228,7 @@ fn brick(arguments: &Arguments, robot: Option<&RobotConfig>) -> Result<(Brick, P
 #[cfg(feature = "sim")]
 fn on_a_start(world: &crate::runtime::Source, [x_m, y_m, deg]: [f64; 3]) -> Result<(), Failure> {
     use crate::units::{degrees, rounded_to, wrap_rad};
-    let (parsed, _) = crate::sim::World::parse(&world.name, world.text.as_bytes())
-        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let (parsed, _) = world.world()?;
     let is_there = |start: &crate::sim::StartPose| {
         libm::hypot(start.x_m - x_m, start.y_m - y_m) <= SAME_PLACE.0
             && wrap_rad(start.heading_rad - radians(deg)).abs() <= SAME_PLACE.1

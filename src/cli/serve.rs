@@ -74,9 +74,7 @@ fn start_link(service: &Service) -> Option<Arc<Server>> {
     let config = ServerConfig {
         keys: config.keys.clone(),
         name: service.name().clone(),
-        address: config.link.address.clone(),
-        port: config.link.port,
-        pairing_port: config.link.pairing_port,
+        listens: config.link.clone(),
     };
     match Server::start(config, Arc::new(service.clone())) {
         Ok(server) => {

@@ -10,14 +10,14 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::common::{chosen_robot, load_robot, load_world, read_source, warn, write_file};
+use super::common::{chosen_robot, load_robot, load_world, read_own, warn, write_file};
 use super::terminal::stop_flags;
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::ev3dev::{EV3, PLATFORMS, Platform};
 use crate::sim::{
     Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, MountOptions,
-    Options, Order, Scenario, Simulation, World, WorldPhysics, still,
+    Options, Order, Scenario, Simulation, WorldPhysics, still,
 };
 use crate::simulated::furnished;
 
@@ -252,6 +252,15 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     mount.unmount().map_err(|error| {
         Failure::from_error(Exit::Failed, "cannot take the mount away", &error).hint(error.hint())
     })?;
+    tell_end(&simulation, unmounted_by_others, output);
+    match &arguments.show {
+        Some(file) => draw(file, &simulation),
+        None => Ok(()),
+    }
+}
+
+/// Says how long it was, and what was done to the robots on purpose.
+fn tell_end(simulation: &Simulation, unmounted_by_others: bool, output: &mut Output) {
     let (simulated_s, lost_s) = (seconds(simulation.now_ns()), seconds(simulation.lost_ns()));
     let lost = if lost_s > 0.0 {
         format!(", and {lost_s:.1} s were lost: this machine was too slow")
@@ -259,7 +268,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         String::new()
     };
     let by = if unmounted_by_others { " by another program" } else { "" };
-    let faults = done(&simulation);
+    let done = simulation.faults_done().into_iter().map(|record| Done {
+        time_s: seconds(record.time_ns),
+        robot: record.robot + 1,
+        what: record.what,
+    });
+    let faults: Vec<Done> = done.collect();
     let told: String = faults
         .iter()
         .map(|done| format!("\n{:8.3} s, robot {}: {}", done.time_s, done.robot, done.what))
@@ -268,21 +282,6 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         format!("unmounted{by} after {simulated_s:.1} simulated seconds{lost}{told}"),
         &Ended { simulated_s, lost_s, unmounted_by_others, faults },
     );
-    match &arguments.show {
-        Some(file) => draw(file, &simulation),
-        None => Ok(()),
-    }
-}
-
-/// What was done to the robots on purpose.
-fn done(simulation: &Simulation) -> Vec<Done> {
-    let done = simulation.faults_done().into_iter();
-    done.map(|record| Done {
-        time_s: seconds(record.time_ns),
-        robot: record.robot + 1,
-        what: record.what,
-    })
-    .collect()
 }
 
 /// Writes the still.
@@ -296,13 +295,13 @@ fn page(
     arguments: &Arguments,
     simulation: &Simulation,
     output: &mut Output,
-) -> Result<Option<crate::report::live::LivePage>, Failure> {
-    use crate::report::live::{Board, LivePage, Sources};
+) -> Result<Option<crate::report::live::LocalPage>, Failure> {
+    use crate::report::live::{Board, Sources};
     let Some(port) = arguments.page else { return Ok(None) };
     let board = Board::default();
     let title = arguments.world.display().to_string();
     board.show(Sources { title, simulation: Some(simulation.clone()), ..Sources::default() });
-    let page = LivePage::serve(&board, port, &[], |_| ())?;
+    let page = board.serve(port, &[], |_| ())?;
     output
         .show(format!("the room is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
     Ok(Some(page))
@@ -340,7 +339,7 @@ fn nodes(
 fn scenario(arguments: &Arguments) -> Result<Option<Scenario>, Failure> {
     let Some(path) = &arguments.scenario else { return Ok(None) };
     const SHOWN: &str = "onbrick explain using, which shows one";
-    let source = read_source(path, |_| None).hint(SHOWN)?;
+    let source = read_own(path, SHOWN)?;
     let parsed = Scenario::parse(&source.name, source.text.as_bytes());
     let (scenario, warnings) = parsed.map_err(Failure::from).hint(SHOWN)?;
     warn(&warnings);
@@ -351,9 +350,9 @@ fn simulation(arguments: &Arguments, output: &mut Output) -> Result<Simulation, 
     let scenario = scenario(arguments)?;
     let (mut source, _) = load_world(&arguments.world)?;
     if let Some(path) = chosen_robot(arguments.robot.as_deref(), output) {
-        source = furnished(source, &load_robot(Some(&path), output)?.config);
+        source = furnished(source, &load_robot(Some(&path))?.config);
     }
-    let (world, _) = World::parse(&source.name, source.text.as_bytes())?;
+    let (world, _) = source.world()?;
     let physics = WorldPhysics::new(world, arguments.robots, arguments.seed).map_err(|error| {
         Failure::refused(error.to_string())
             .hint("fewer --robots, or a world with more start poses (onbrick new world)")

@@ -2,6 +2,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 
 /// Why a file was not written.
@@ -28,7 +29,20 @@ pub enum SaveError {
 /// [`SaveError::Exists`] where there is one; a file that is there is never touched, and a disk that
 /// is full leaves none.
 pub fn create(path: &Path, text: &str) -> Result<(), SaveError> {
-    write_beside(path, text.as_bytes(), |fresh| match std::fs::hard_link(fresh, path) {
+    create_for(Readers::AsUsual, path, text)
+}
+
+/// As [`create`], for a file that only its owner reads.
+///
+/// # Errors
+///
+/// As [`create`].
+pub fn create_private(path: &Path, text: &str) -> Result<(), SaveError> {
+    create_for(Readers::Owner, path, text)
+}
+
+fn create_for(readers: Readers, path: &Path, text: &str) -> Result<(), SaveError> {
+    write_beside(readers, path, text.as_bytes(), |fresh| match std::fs::hard_link(fresh, path) {
         // A file system without links, as on many memory cards.
         Err(error)
             if matches!(
@@ -57,26 +71,52 @@ pub fn create(path: &Path, text: &str) -> Result<(), SaveError> {
 ///
 /// [`SaveError::Io`]; what was there is then as it was.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), SaveError> {
+    write_for(Readers::AsUsual, path, bytes)
+}
+
+/// As [`write()`], for a file that only its owner reads.
+///
+/// # Errors
+///
+/// As [`write()`].
+pub fn write_private(path: &Path, text: &str) -> Result<(), SaveError> {
+    write_for(Readers::Owner, path, text.as_bytes())
+}
+
+fn write_for(readers: Readers, path: &Path, bytes: &[u8]) -> Result<(), SaveError> {
     // What is no file, such as a terminal or a pipe, is no name that could change hands.
     if std::fs::metadata(path).is_ok_and(|known| !known.is_file()) {
         return std::fs::write(path, bytes).map_err(failed(path));
     }
     // The name of a link stays a link: what it leads to is written.
     let led_to = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    write_beside(&led_to, bytes, |fresh| std::fs::rename(fresh, &led_to))
+    write_beside(readers, &led_to, bytes, |fresh| std::fs::rename(fresh, &led_to))
+}
+
+/// Who may read a file that is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Readers {
+    /// Those who could read the one that was there; of a new one, as the umask has it.
+    AsUsual,
+    Owner,
 }
 
 /// Writes a file beside the one that is meant, and has it take the name when its bytes are on the
 /// disk: a power cut or a full disk leaves what was there.
 fn write_beside(
+    readers: Readers,
     path: &Path,
     bytes: &[u8],
     take_name: impl FnOnce(&Path) -> io::Result<()>,
 ) -> Result<(), SaveError> {
     // Of this process alone: two may write the same file at once.
     let fresh = beside(path, &format!("{}.new", std::process::id()));
-    let written = File::create(&fresh).and_then(|mut file| {
-        if let Ok(known) = std::fs::metadata(path) {
+    let mode = if readers == Readers::Owner { 0o600 } else { 0o666 };
+    let opened = File::options().write(true).create(true).truncate(true).mode(mode).open(&fresh);
+    let written = opened.and_then(|mut file| {
+        if let Ok(known) = std::fs::metadata(path)
+            && readers == Readers::AsUsual
+        {
             file.set_permissions(known.permissions())?;
         }
         file.write_all(bytes)?;

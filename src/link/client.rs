@@ -39,8 +39,8 @@ use super::keys::{KeyPair, PublicKey};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::{SECOND_NS, nanoseconds, wall_ns};
 use crate::protocol::{
-    Chosen, Done, Kind, Live, Missions, NoRunId, Refusal, Request, RunId, Runs, Start, Started,
-    Status, Stopped,
+    Chosen, Done, Kind, Live, Missions, Refusal, Request, RunId, Runs, Start, Started, Status,
+    Stopped,
 };
 use crate::service::digest::hex;
 
@@ -145,8 +145,8 @@ pub enum ClientError {
     #[error(transparent)]
     NoCurve(#[from] NoCurve),
     /// libzmq has no socket or no memory left.
-    #[error("sockets cannot be used: {0}")]
-    Socket(zmq::Error),
+    #[error("sockets cannot be used")]
+    Socket(#[from] zmq::Error),
 }
 
 /// What was observed while no answer came.
@@ -290,9 +290,7 @@ impl Client {
             Chosen::Name(name) => name.clone(),
             Chosen::Text(text) => name_in(text),
         };
-        let run =
-            new_run_id(&name).map_err(|error| Refusal::new(Kind::BadRequest, error.to_string()))?;
-        self.start_as(run, mission, pose, set)
+        self.start_as(new_run_id(&name)?, mission, pose, set)
     }
 
     /// As [`Client::start`], as a run with an identifier of the caller's: a repeat does nothing.
@@ -398,7 +396,9 @@ fn name_in(text: &str) -> String {
 /// # Errors
 ///
 /// None, unless the calendar is in a distant future.
-pub fn new_run_id(mission: &str) -> Result<RunId, NoRunId> {
+pub fn new_run_id(mission: &str) -> Result<RunId, Refusal> {
     let chance = hex(&super::pairing::random().unwrap_or_default()[..4]);
-    RunId::of_mission(mission, &format!("{}-{chance}", wall_ns() / SECOND_NS))
+    let unique = format!("{}-{chance}", wall_ns() / SECOND_NS);
+    RunId::of_mission(mission, &unique)
+        .map_err(|error| Refusal::new(Kind::BadRequest, error.to_string()))
 }

@@ -23,14 +23,15 @@
 //!   refused, as ssh does.
 
 use std::fmt::{self, Write as _};
-use std::fs::{self, DirBuilder, File, OpenOptions};
-use std::io::{self, Read, Write};
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
+use std::fs::{DirBuilder, File};
+use std::io::{self, Read};
+use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
 use super::curve::{self, NoCurve};
+use crate::document::save::{SaveError, create_private};
 use crate::document::{Document, Findings, Item};
 use crate::protocol::{Name, NoName};
 
@@ -170,6 +171,15 @@ pub enum KeyError {
     Generate(#[source] zmq::Error),
 }
 
+impl From<SaveError> for KeyError {
+    fn from(error: SaveError) -> Self {
+        match error {
+            SaveError::Exists(path) => Self::Exists(path),
+            SaveError::Io { path, source } => Self::Io { path, source },
+        }
+    }
+}
+
 impl KeyError {
     fn io(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
@@ -254,7 +264,7 @@ impl KeyPair {
              public = \"{public}\"\nsecret = \"{secret}\"\n"
         );
         make_folder(folder)?;
-        write_private(&path, &text, Replace::No)?;
+        create_private(&path, &text)?;
         Ok(path)
     }
 
@@ -276,13 +286,6 @@ impl KeyPair {
     }
 }
 
-/// Whether a file that is there gives way.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Replace {
-    Yes,
-    No,
-}
-
 /// Opens a file of keys.
 fn open(path: &Path) -> Result<File, KeyError> {
     File::open(path).map_err(|error| match error.kind() {
@@ -296,33 +299,10 @@ fn make_folder(folder: &Path) -> Result<(), KeyError> {
     DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(KeyError::io(folder))
 }
 
-/// Writes a file that only its owner reads: whole or not at all.
-fn write_private(path: &Path, text: &str, replace: Replace) -> Result<(), KeyError> {
-    let fresh = path.with_extension(format!("{}.new", std::process::id()));
-    let written =
-        OpenOptions::new().write(true).create_new(true).mode(0o600).open(&fresh).and_then(
-            |mut file| {
-                file.write_all(text.as_bytes())?;
-                file.sync_all()
-            },
-        );
-    let placed = written.and_then(|()| match replace {
-        Replace::Yes => fs::rename(&fresh, path),
-        // A link takes no name that is taken.
-        Replace::No => fs::hard_link(&fresh, path).and_then(|()| fs::remove_file(&fresh)),
-    });
-    placed.map_err(|error| {
-        // An incomplete file is useless.
-        let _ = fs::remove_file(&fresh);
-        match error.kind() {
-            io::ErrorKind::AlreadyExists => KeyError::Exists(path.to_owned()),
-            _ => KeyError::io(path)(error),
-        }
-    })
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

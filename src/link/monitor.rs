@@ -100,9 +100,3 @@ fn fresh_endpoint() -> String {
     static NUMBER: AtomicU32 = AtomicU32::new(0);
     format!("inproc://monitor.{}", NUMBER.fetch_add(1, Ordering::Relaxed))
 }
-
-impl std::fmt::Debug for Monitor {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Monitor")
-    }
-}

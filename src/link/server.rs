@@ -34,7 +34,7 @@
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU16, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
 use super::curve::NoCurve;
@@ -44,7 +44,8 @@ use super::pairing::PairingWindow;
 use crate::protocol::MAX_REQUEST_BYTES;
 use crate::protocol::{Name, Operations, Pairing};
 use crate::service::NetworkLink;
-use crate::threads::spawn;
+use crate::service::config::LinkConfig;
+use crate::threads::{lock, spawn};
 
 mod front;
 mod limits;
@@ -65,36 +66,25 @@ pub struct ServerConfig {
     pub keys: PathBuf,
     /// What the brick calls itself.
     pub name: Name,
-    /// The address that it listens at: `*`, or one of the brick's in numbers.
-    pub address: String,
-    /// Its port; 0 for any that is free.
-    pub port: u16,
-    /// The port of the pairing window; 0 for any that is free.
-    pub pairing_port: u16,
+    /// Where it listens; port 0 is any that is free.
+    pub listens: LinkConfig,
 }
 
 /// How the server is.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LinkState {
     /// Not yet there: it waits for this.
+    #[error("waits for {0}")]
     Waits(&'static str),
     /// It listens, and this is the fingerprint of the brick's key.
+    #[error("ready")]
     Ready {
         /// The fingerprint.
         fingerprint: String,
     },
     /// It is gone, because of this.
+    #[error("ended: {0}")]
     Ended(String),
-}
-
-impl std::fmt::Display for LinkState {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Waits(what) => write!(f, "waits for {what}"),
-            Self::Ready { .. } => f.write_str("ready"),
-            Self::Ended(why) => write!(f, "ended: {why}"),
-        }
-    }
 }
 
 /// Why a server ended.
@@ -123,7 +113,7 @@ pub(crate) enum ServerError {
     NoWorker,
     /// libzmq has no socket or no memory left.
     #[error("sockets cannot be used: {0}")]
-    Socket(zmq::Error),
+    Socket(#[from] zmq::Error),
     /// The system gives no thread.
     #[error("no thread can be started: {0}")]
     Thread(std::io::Error),
@@ -162,7 +152,7 @@ struct Shared {
 
 impl Shared {
     fn set(&self, state: LinkState) {
-        *self.state.lock().unwrap_or_else(PoisonError::into_inner) = state;
+        *lock(&self.state) = state;
     }
 
     fn is_stopped(&self) -> bool {
@@ -182,8 +172,8 @@ impl Server {
         let shared = Arc::new(Shared {
             state: Mutex::new(LinkState::Waits("its thread")),
             stop: AtomicBool::new(false),
-            port: AtomicU16::new(config.port),
-            pairing_port: AtomicU16::new(config.pairing_port),
+            port: AtomicU16::new(config.listens.port),
+            pairing_port: AtomicU16::new(config.listens.pairing_port),
             window,
         });
         let ours = Arc::clone(&shared);
@@ -213,7 +203,7 @@ impl Server {
     /// How it is.
     #[must_use]
     pub fn state(&self) -> LinkState {
-        self.shared.state.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.shared.state).clone()
     }
 
     /// The pairing window.

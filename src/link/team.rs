@@ -139,19 +139,37 @@ fn brick(item: &Item<'_>, section: &Section<'_>, known: &KnownBricks) -> Option<
     Some(KnownBrick { name: name.to_owned(), address: address?, key: key? })
 }
 
-/// Two bricks that are one, that stand in each other, or that hear each other.
+impl Member {
+    /// How far from another one it starts, metres.
+    fn apart_m(&self, other: &Self) -> f64 {
+        libm::hypot(self.pose[0] - other.pose[0], self.pose[1] - other.pose[1])
+    }
+
+    /// What keeps it from starting together with another one, each with a way out, which may be
+    /// empty: the two are one, or stand in each other.
+    pub(crate) fn clashes(&self, other: &Self) -> Vec<(String, &'static str)> {
+        let (name, before) = (&self.brick.name, &other.brick.name);
+        let mut clashes = Vec::new();
+        if self.brick.key == other.brick.key {
+            let message = format!("{name} and {before} are the same brick: they have the same key");
+            clashes.push((message, ""));
+        }
+        if self.apart_m(other) < SAME_PLACE_M {
+            let way_out = "measure where each robot stands: the maps are put together by it";
+            clashes.push((format!("{name} and {before} start in the same place"), way_out));
+        }
+        clashes
+    }
+}
+
+/// Two bricks that cannot start together, or that hear each other.
 fn compare(root: &Section<'_>, item: &Item<'_>, member: &Member, other: &Member) {
     let (name, before) = (&member.brick.name, &other.brick.name);
-    if member.brick.key == other.brick.key {
-        item.error_at_key(format!(
-            "{name} and {before} are the same brick: they have the same key"
-        ));
+    for (message, way_out) in member.clashes(other) {
+        item.error_at_key(message).hint(way_out);
     }
-    let apart_m = libm::hypot(member.pose[0] - other.pose[0], member.pose[1] - other.pose[1]);
-    if apart_m < SAME_PLACE_M {
-        item.error_at_key(format!("{name} and {before} start in the same place"))
-            .hint("measure where each robot stands: the maps are put together by it");
-    } else if apart_m < CLOSE_M {
+    let apart_m = member.apart_m(other);
+    if (SAME_PLACE_M..CLOSE_M).contains(&apart_m) {
         let message = format!(
             "{name} and {before} start {apart_m:.2} m apart: their ultrasonic sensors disturb each \
              other within {CLOSE_M} m"

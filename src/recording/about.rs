@@ -153,71 +153,50 @@ pub struct Ending {
     pub truth: Option<Pose>,
 }
 
-/// The names that a recording's attachments and metadata have.
+/// The names of a recording's attachments, and of its records of names and values.
 pub(super) mod names {
     pub(crate) const ROBOT: &str = "robot.toml";
     pub(crate) const MISSION: &str = "mission.toml";
     pub(crate) const WORLD: &str = "world.toml";
     pub(crate) const ABOUT: &str = "onbrick";
-    pub(crate) const VERSION: &str = "version";
-    pub(crate) const RUN: &str = "run";
-    pub(crate) const BRICK: &str = "brick";
-    pub(crate) const MISSION_NAME: &str = "mission";
-    pub(crate) const START_X: &str = "start_x_m";
-    pub(crate) const START_Y: &str = "start_y_m";
-    pub(crate) const START_HEADING: &str = "start_heading_rad";
-    pub(crate) const START_NS: &str = "start_ns";
-    pub(crate) const WALL_OFFSET_NS: &str = "wall_offset_ns";
-    pub(crate) const PERIOD_NS: &str = "period_ns";
-    pub(crate) const CLOCK: &str = "clock";
-    pub(crate) const VIRTUAL: &str = "virtual";
-    pub(crate) const SEED: &str = "seed";
-    pub(crate) const CELLS: &str = "cells";
-    pub(crate) const BOARD: &str = "board";
-    pub(crate) const SETTING: &str = "set.";
-    pub(crate) const METHOD: &str = "method";
-    pub(crate) const CHANNEL: &str = "channel.";
     pub(crate) const ENDING: &str = "onbrick.end";
-    pub(crate) const TIME_NS: &str = "time_ns";
-    pub(crate) const TRUTH_X: &str = "truth_x_m";
-    pub(crate) const TRUTH_Y: &str = "truth_y_m";
-    pub(crate) const TRUTH_HEADING: &str = "truth_heading_rad";
 }
+
+/// Where a pose stands among names and values.
+const START_POSE: [&str; 3] = ["start_x_m", "start_y_m", "start_heading_rad"];
+const TRUTH: [&str; 3] = ["truth_x_m", "truth_y_m", "truth_heading_rad"];
 
 pub(super) fn of_start(info: &Info) -> Metadata {
     let mut values = BTreeMap::new();
     let mut put = |key: &str, value: String| values.insert(key.to_owned(), value);
-    put(names::VERSION, info.version.clone());
+    put("version", info.version.clone());
     if let Some(run) = &info.run {
-        put(names::RUN, run.clone());
+        put("run", run.clone());
     }
-    put(names::BRICK, info.brick.clone());
-    put(names::MISSION_NAME, info.mission.clone());
-    put(names::START_X, info.start_pose.x_m.to_string());
-    put(names::START_Y, info.start_pose.y_m.to_string());
-    put(names::START_HEADING, info.start_pose.heading_rad.to_string());
-    put(names::START_NS, info.start_ns.to_string());
-    put(names::WALL_OFFSET_NS, info.wall_offset_ns.to_string());
-    put(names::PERIOD_NS, info.period_ns.to_string());
-    put(
-        names::CLOCK,
-        if info.pace == Pace::Virtual { names::VIRTUAL } else { "monotonic" }.to_owned(),
-    );
-    put(names::SEED, info.seed.to_string());
-    put(names::CELLS, info.cells.to_string());
-    put(names::BOARD, info.board.name.to_owned());
+    put("brick", info.brick.clone());
+    put("mission", info.mission.clone());
+    for (key, value) in values_of(START_POSE, &info.start_pose) {
+        put(key, value);
+    }
+    put("start_ns", info.start_ns.to_string());
+    put("wall_offset_ns", info.wall_offset_ns.to_string());
+    put("period_ns", info.period_ns.to_string());
+    put("clock", if info.pace == Pace::Virtual { "virtual" } else { "monotonic" }.to_owned());
+    put("seed", info.seed.to_string());
+    put("cells", info.cells.to_string());
+    put("board", info.board.name.to_owned());
     if info.method != Method::default() {
-        put(names::METHOD, info.method.word().to_owned());
+        put("method", info.method.word().to_owned());
     }
     for (name, value) in &info.settings {
-        put(&format!("{}{name}", names::SETTING), value.to_string());
+        put(&format!("set.{name}"), value.to_string());
     }
     for quantity in &QUANTITIES {
         let name = serde_json::to_value(quantity.channel)
             .ok()
             .and_then(|name| Some(name.as_str()?.to_owned()));
         let said = format!("{}, {}", name.unwrap_or_default(), quantity.unit.symbol());
-        put(&format!("{}{}", names::CHANNEL, quantity.channel as u8), said);
+        put(&format!("channel.{}", quantity.channel as u8), said);
     }
     Metadata { name: names::ABOUT.to_owned(), metadata: values }
 }
@@ -230,11 +209,11 @@ pub(super) fn of_end(end: &End) -> Metadata {
             put(key, value.as_str().unwrap_or_default().to_owned());
         }
     }
-    put(names::TIME_NS, end.time_ns.to_string());
+    put("time_ns", end.time_ns.to_string());
     if let Some(truth) = end.truth {
-        put(names::TRUTH_X, truth.x_m.to_string());
-        put(names::TRUTH_Y, truth.y_m.to_string());
-        put(names::TRUTH_HEADING, truth.heading_rad.to_string());
+        for (key, value) in values_of(TRUTH, &truth) {
+            put(key, value);
+        }
     }
     Metadata { name: names::ENDING.to_owned(), metadata: values }
 }
@@ -248,24 +227,23 @@ pub(super) fn info(metadata: &Metadata) -> Info {
     let text = |key: &str| metadata.metadata.get(key).map(|text| fit(text)).unwrap_or_default();
     let whole = |key: &str| text(key).parse().unwrap_or(0);
     let setting = |(key, value): (&String, &String)| {
-        Some((fit(key.strip_prefix(names::SETTING)?), value.parse().ok()?))
+        Some((fit(key.strip_prefix("set.")?), value.parse().ok()?))
     };
     Info {
-        version: text(names::VERSION),
-        run: metadata.metadata.get(names::RUN).map(|run| fit(run)),
-        brick: text(names::BRICK),
-        mission: text(names::MISSION_NAME),
-        start_pose: pose_of(metadata, [names::START_X, names::START_Y, names::START_HEADING])
-            .unwrap_or_default(),
-        start_ns: whole(names::START_NS),
-        wall_offset_ns: whole(names::WALL_OFFSET_NS),
-        period_ns: whole(names::PERIOD_NS),
-        pace: if text(names::CLOCK) == names::VIRTUAL { Pace::Virtual } else { Pace::Real },
-        seed: text(names::SEED).parse().unwrap_or_default(),
-        cells: text(names::CELLS).parse().unwrap_or_default(),
-        board: Platform::named(&text(names::BOARD)).unwrap_or_default(),
+        version: text("version"),
+        run: metadata.metadata.get("run").map(|run| fit(run)),
+        brick: text("brick"),
+        mission: text("mission"),
+        start_pose: pose_of(metadata, START_POSE).unwrap_or_default(),
+        start_ns: whole("start_ns"),
+        wall_offset_ns: whole("wall_offset_ns"),
+        period_ns: whole("period_ns"),
+        pace: if text("clock") == "virtual" { Pace::Virtual } else { Pace::Real },
+        seed: text("seed").parse().unwrap_or_default(),
+        cells: text("cells").parse().unwrap_or_default(),
+        board: Platform::named(&text("board")).unwrap_or_default(),
         settings: metadata.metadata.iter().filter_map(setting).collect(),
-        method: text(names::METHOD).parse().unwrap_or_default(),
+        method: text("method").parse().unwrap_or_default(),
     }
 }
 
@@ -275,9 +253,13 @@ pub(super) fn ending(metadata: &Metadata) -> Ending {
     Ending {
         stop: serde_json::from_value(Value::Object(fields.collect()))
             .unwrap_or_else(|_| StopReason::Unknown.into()),
-        time_ns: text(names::TIME_NS).parse().unwrap_or(0),
-        truth: pose_of(metadata, [names::TRUTH_X, names::TRUTH_Y, names::TRUTH_HEADING]),
+        time_ns: text("time_ns").parse().unwrap_or(0),
+        truth: pose_of(metadata, TRUTH),
     }
+}
+
+fn values_of(keys: [&'static str; 3], pose: &Pose) -> impl Iterator<Item = (&'static str, String)> {
+    keys.into_iter().zip([pose.x_m, pose.y_m, pose.heading_rad].map(|value| value.to_string()))
 }
 
 fn pose_of(metadata: &Metadata, keys: [&str; 3]) -> Option<Pose> {

@@ -12,6 +12,7 @@ use super::file::RecordingFile;
 use super::grid::{self, Grid};
 use super::message::{self, Gap, Header, PLANAR_VARIANCE, Quaternion, Time, Vector3, planar};
 use super::points;
+use super::run::RecordedPose;
 use super::sink::RecordError;
 use super::status::{SAYS, Status};
 use super::tick::{Dropped, Entry, Level, TickRecord};
@@ -245,25 +246,11 @@ impl Encoder {
     }
 
     fn pose(&mut self, record: &TickRecord) -> Result<(), RecordError> {
-        let Estimate { pose, forward_m_s, turn_rad_s, travelled_m, range, .. } = record.estimate;
-        let (range, range_m) = match range {
-            None => (0, f64::NAN),
-            Some(Range::Echo(range_m)) => (1, range_m),
-            Some(Range::NoEcho) => (2, f64::NAN),
-            Some(Range::TooNear) => (3, f64::NAN),
-        };
-        let message = message::PoseMessage {
-            tick: record.senses.tick,
-            time_ns: record.estimate.time_ns,
-            x_m: pose.x_m,
-            y_m: pose.y_m,
-            heading_rad: pose.heading_rad,
-            forward_m_s,
-            turn_rad_s,
-            travelled_m,
-            range_m,
-            range,
-        };
+        let tick = record.senses.tick;
+        let Estimate { time_ns, pose, forward_m_s, turn_rad_s, travelled_m, range, .. } =
+            record.estimate;
+        let message =
+            RecordedPose { tick, time_ns, pose, forward_m_s, turn_rad_s, travelled_m, range };
         self.put(Topic::Pose, record.senses.time_ns, &message)
     }
 

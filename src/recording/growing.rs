@@ -15,9 +15,10 @@ use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
+use super::run::RecordedPose;
 use super::topic::Topic;
 use super::walk::{Found, Rest, Walk};
-use super::{message, points, run};
+use super::{message, points};
 use crate::mapping::{MapPoint, Pose};
 
 /// A chunk is a second of the run, some 30 kB, and never much longer than 256 kB; a record that
@@ -112,7 +113,7 @@ impl GrowingFile {
 
 fn piece(topic: Topic, data: &[u8]) -> Option<Piece> {
     match topic {
-        Topic::Pose => run::pose(message::decode(data)?).map(|recorded| Piece::Pose(recorded.pose)),
+        Topic::Pose => message::decode::<RecordedPose>(data).map(|at| Piece::Pose(at.pose)),
         Topic::Points => points::points(&message::decode(data)?).map(Piece::Points),
         _ => None,
     }

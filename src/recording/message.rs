@@ -278,21 +278,6 @@ pub(super) struct SensesMessage {
     pub(super) changed_ns: Vec<i64>,
 }
 
-/// `onbrick_msgs/Pose`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(super) struct PoseMessage {
-    pub(super) tick: u64,
-    pub(super) time_ns: i64,
-    pub(super) x_m: f64,
-    pub(super) y_m: f64,
-    pub(super) heading_rad: f64,
-    pub(super) forward_m_s: f64,
-    pub(super) turn_rad_s: f64,
-    pub(super) travelled_m: f64,
-    pub(super) range_m: f64,
-    pub(super) range: u8,
-}
-
 /// `onbrick_msgs/Transition`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct TransitionMessage {

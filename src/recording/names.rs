@@ -4,13 +4,33 @@
 use crate::behavior::{MachinePlan, Mission, StatePlan, TransitionPlan};
 use crate::robot::RobotConfig;
 
-use super::about::{MachineNames, RangeSensor, StateNames};
+use super::about::{Info, MachineNames, RangeSensor, Start, StateNames};
 
 /// The nearest that the ultrasonic sensor measures, metres (`ev3dev-interfaces`, 6.4).
 const NEAREST_M: f64 = 0.03;
 
+impl Start {
+    /// A run of this robot and this mission, each with its file's text.
+    pub(crate) fn of(
+        info: Info,
+        (robot, robot_toml): (&RobotConfig, &str),
+        (mission, mission_toml): (&Mission, &str),
+        world_toml: Option<String>,
+    ) -> Self {
+        Self {
+            info,
+            robot_toml: robot_toml.to_owned(),
+            mission_toml: mission_toml.to_owned(),
+            world_toml,
+            range: range_sensor(robot),
+            machines: machines(mission),
+            variables: mission.variables().iter().map(|(name, _)| name.clone()).collect(),
+        }
+    }
+}
+
 /// How the range sensor sits and sees.
-pub(crate) fn range_sensor(config: &RobotConfig) -> Option<RangeSensor> {
+fn range_sensor(config: &RobotConfig) -> Option<RangeSensor> {
     config.range.as_ref().map(|range| RangeSensor {
         ahead_m: range.ahead_m,
         min_m: NEAREST_M,
@@ -21,13 +41,8 @@ pub(crate) fn range_sensor(config: &RobotConfig) -> Option<RangeSensor> {
 }
 
 /// What machines, states and conditions are called.
-pub(crate) fn machines(mission: &Mission) -> Vec<MachineNames> {
+pub(super) fn machines(mission: &Mission) -> Vec<MachineNames> {
     mission.machines().iter().map(machine).collect()
-}
-
-/// What the mission's variables are called.
-pub(crate) fn variables(mission: &Mission) -> Vec<String> {
-    mission.variables().iter().map(|(name, _)| name.clone()).collect()
 }
 
 fn machine(machine: &MachinePlan) -> MachineNames {

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::about::{info, names};
 use super::growing::GrowingFile;
-use super::run::{log_line, pose, senses, transition, variables};
+use super::run::{RecordedPose, log_line, senses, transition, variables};
 use super::status::{SAYS, Status};
 use super::tick::Level;
 use super::topic::Topic;
@@ -72,7 +72,7 @@ impl Heard {
             }
             Found::Message { topic: Some(topic), data, .. } => match topic {
                 Topic::Pose => {
-                    let pose = pose(message::decode(data)?)?;
+                    let pose: RecordedPose = message::decode(data)?;
                     (status.tick, status.time_ns, status.pose) =
                         (pose.tick, pose.time_ns, pose.pose);
                     status.elapsed_ns = pose.time_ns.saturating_sub(self.start_ns);

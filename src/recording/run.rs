@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::about::{Ending, Info, ending, fit, info, names};
 use super::grid::{self, Grid};
@@ -16,13 +16,15 @@ use super::walk::{Found, Integrity, walk};
 use crate::behavior::Taken;
 use crate::mapping::{self, Keyframe, MapPoint, Method, Pose, Range, Sight};
 use crate::senses::{Channel, Reading, Senses};
+#[cfg(feature = "host")]
+use crate::sim::World;
 use crate::units::counted;
 
 /// The longest file that is read: about a day of a run.
 const MAX_BYTES: u64 = 2 << 30;
 
-/// What the estimator made of a tick.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// What the estimator made of a tick: `onbrick_msgs/Pose`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RecordedPose {
     /// The tick.
     pub tick: u64,
@@ -37,7 +39,42 @@ pub struct RecordedPose {
     /// Metres driven.
     pub travelled_m: f64,
     /// What the range reading was taken for.
+    #[serde(with = "taken_for")]
     pub range: Option<Range>,
+}
+
+/// What a range reading was taken for, as the message has it: metres, and which.
+mod taken_for {
+    use serde::de::Error as _;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use crate::mapping::Range;
+
+    pub(super) fn serialize<S: Serializer>(
+        range: &Option<Range>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let (range_m, which) = match *range {
+            None => (f64::NAN, 0_u8),
+            Some(Range::Echo(range_m)) => (range_m, 1),
+            Some(Range::NoEcho) => (f64::NAN, 2),
+            Some(Range::TooNear) => (f64::NAN, 3),
+        };
+        (range_m, which).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<Range>, D::Error> {
+        let (range_m, which) = Deserialize::deserialize(deserializer)?;
+        match which {
+            0_u8 => Ok(None),
+            1 => Ok(Some(Range::Echo(range_m))),
+            2 => Ok(Some(Range::NoEcho)),
+            3 => Ok(Some(Range::TooNear)),
+            _ => Err(D::Error::custom("a reading of another version")),
+        }
+    }
 }
 
 /// A transition that a machine took.
@@ -188,6 +225,13 @@ impl Run {
         Ok(run)
     }
 
+    /// The world that it was simulated in, where that is in it and can still be read.
+    #[cfg(feature = "host")]
+    pub(crate) fn world(&self) -> Option<World> {
+        let text = self.world_toml.as_ref()?;
+        World::parse("world.toml of the recording", text.as_bytes()).ok().map(|(world, _)| world)
+    }
+
     /// The map's points where they are as it is known at the end, without those of what does not
     /// stand ([`mapping::standing()`]). The seed's map has all of them.
     #[must_use]
@@ -263,7 +307,7 @@ impl Collected {
                 self.ahead_ns.get_or_insert(stamp_ns.saturating_sub(senses.time_ns));
                 run.senses.push(senses);
             }
-            Topic::Pose => run.poses.push(pose(message::decode(data)?)?),
+            Topic::Pose => run.poses.push(message::decode(data)?),
             Topic::Truth => run.truth.push((stamp_ns, truth(&message::decode(data)?))),
             Topic::Points => run.points.extend(points::points(&message::decode(data)?)?),
             Topic::Keyframes => {
@@ -378,25 +422,6 @@ pub(super) fn senses(message: &message::SensesMessage) -> Option<Senses> {
         senses.readings[channel as usize] = Some(reading);
     }
     Some(senses)
-}
-
-pub(super) fn pose(message: message::PoseMessage) -> Option<RecordedPose> {
-    let range = match message.range {
-        0 => None,
-        1 => Some(Range::Echo(message.range_m)),
-        2 => Some(Range::NoEcho),
-        3 => Some(Range::TooNear),
-        _ => return None,
-    };
-    Some(RecordedPose {
-        tick: message.tick,
-        time_ns: message.time_ns,
-        pose: Pose { x_m: message.x_m, y_m: message.y_m, heading_rad: message.heading_rad },
-        forward_m_s: message.forward_m_s,
-        turn_rad_s: message.turn_rad_s,
-        travelled_m: message.travelled_m,
-        range,
-    })
 }
 
 fn truth(message: &message::PoseStamped) -> Pose {

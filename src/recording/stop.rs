@@ -12,69 +12,96 @@ use crate::senses::Channel;
 pub const STALL_NS: i64 = 200_000_000;
 
 /// Why a run ended, or why none can start.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, thiserror::Error)]
 #[serde(tag = "word", content = "channel", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum StopReason {
     /// The mission came to its end.
+    #[error("the mission is finished")]
     Finished,
     /// The mission's time is over.
     #[serde(rename = "time limit")]
+    #[error("the mission's time limit")]
     TimeLimit,
     /// Enter or Back was pressed on the brick.
+    #[error("stopped by a button on the brick")]
     Button,
     /// A PC asked for it over the network.
+    #[error("stopped over the network")]
     Remote,
     /// A person in the brick's menu, or a program on the brick, asked for it.
+    #[error("stopped on the brick")]
     Here,
     /// A person at a run's page in a browser.
+    #[error("stopped on the page")]
     Page,
     /// The menu on the brick is gone, and runs were to end with it.
     #[serde(rename = "menu closed")]
+    #[error("the brick's menu is gone")]
     MenuClosed,
     /// SIGINT, SIGTERM or SIGHUP, at one of the run's processes.
+    #[error("stopped by a signal")]
     Signal,
     /// The process that started the run is gone.
+    #[error("the process that started the run is gone")]
     Abandoned,
     /// Another program has commanded or reset a motor of ours.
+    #[error("stopped from outside: another program commands the {0}")]
     Outside(Channel),
     /// A device is gone, or cannot be read any more.
+    #[error("lost: {0} (a plug may be loose)")]
     Lost(Channel),
     /// A reading cannot be true: it stands still although what it measures moves (a gyro while the
     /// wheels turn the robot by 60°, a range while the robot drives 0.2 m along its beam, a head's
     /// angle for a second while it is told to turn), or leaps about.
+    #[error("implausible: {0} ({how})", how = how_implausible(*.0))]
     Implausible(Channel),
     /// A wheel that was told to turn did not.
+    #[error("a wheel is blocked")]
     Stalled,
     /// The battery is too low to go on.
+    #[error("the battery is empty: charge it, or put in fresh cells")]
     Battery,
     /// The loop was away for longer than [`STALL_NS`].
+    #[error("the loop stood still for more than {} ms", STALL_NS / 1_000_000)]
     Late,
     /// The recording cannot be written.
+    #[error("the recording cannot be written")]
     Recording,
     /// The process that drives was gone or hung, and the guard stopped the motors.
+    #[error("the guard stopped the motors")]
     Guard,
     /// The guard was gone or hung, and the process that drives stopped the motors.
+    #[error("the run's guard is gone, or has given no sign of life for 0.2 s")]
     Unguarded,
     /// A simulated robot drove over the floor's edge. A real one's program does not learn of it.
+    #[error("the simulated robot fell over the edge of the floor")]
     Fallen,
     /// The program itself failed.
+    #[error("the program failed; please report it")]
     Panicked,
     /// It is no run on a robot: recorded senses were replayed to their end.
+    #[error("replayed")]
     Replayed,
     /// It did not start.
+    #[error("it did not start")]
     Refused,
     /// Its first process ended without a last word.
+    #[error("its process ended without a word")]
     Died,
     /// Its recording has no end.
     #[default]
+    #[error("its recording was cut: the power, the disk or the program failed")]
     Cut,
     /// No run can start: the robot's file is not in order.
+    #[error("the robot's file is not in order")]
     Robot,
     /// No run can start: the disk does not take recordings.
+    #[error("the disk does not take recordings")]
     Disk,
     /// A word of another version of this program.
     #[serde(other)]
+    #[error("it ended for a reason that this version does not know")]
     Unknown,
 }
 
@@ -117,50 +144,6 @@ impl StopReason {
     #[must_use]
     pub fn with(self, detail: impl Into<Option<String>>) -> Stop {
         Stop { reason: self, detail: detail.into() }
-    }
-}
-
-impl fmt::Display for StopReason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Finished => f.write_str("the mission is finished"),
-            Self::TimeLimit => f.write_str("the mission's time limit"),
-            Self::Button => f.write_str("stopped by a button on the brick"),
-            Self::Remote => f.write_str("stopped over the network"),
-            Self::Here => f.write_str("stopped on the brick"),
-            Self::Page => f.write_str("stopped on the page"),
-            Self::MenuClosed => f.write_str("the brick's menu is gone"),
-            Self::Signal => f.write_str("stopped by a signal"),
-            Self::Abandoned => f.write_str("the process that started the run is gone"),
-            Self::Outside(channel) => {
-                write!(f, "stopped from outside: another program commands the {channel}")
-            }
-            Self::Lost(channel) => write!(f, "lost: {channel} (a plug may be loose)"),
-            Self::Implausible(channel) => {
-                write!(f, "implausible: {channel} ({})", how_implausible(*channel))
-            }
-            Self::Stalled => f.write_str("a wheel is blocked"),
-            Self::Battery => f.write_str("the battery is empty: charge it, or put in fresh cells"),
-            Self::Late => {
-                write!(f, "the loop stood still for more than {} ms", STALL_NS / 1_000_000)
-            }
-            Self::Recording => f.write_str("the recording cannot be written"),
-            Self::Guard => f.write_str("the guard stopped the motors"),
-            Self::Unguarded => {
-                f.write_str("the run's guard is gone, or has given no sign of life for 0.2 s")
-            }
-            Self::Fallen => f.write_str("the simulated robot fell over the edge of the floor"),
-            Self::Panicked => f.write_str("the program failed; please report it"),
-            Self::Replayed => f.write_str("replayed"),
-            Self::Refused => f.write_str("it did not start"),
-            Self::Died => f.write_str("its process ended without a word"),
-            Self::Cut => {
-                f.write_str("its recording was cut: the power, the disk or the program failed")
-            }
-            Self::Robot => f.write_str("the robot's file is not in order"),
-            Self::Disk => f.write_str("the disk does not take recordings"),
-            Self::Unknown => f.write_str("it ended for a reason that this version does not know"),
-        }
     }
 }
 

@@ -28,16 +28,17 @@
 mod state;
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use self::state::{Cursor, Phase, Session};
 use super::png_file;
 use crate::clock::PacedClock;
-pub use crate::page::PageError;
-use crate::page::{Asked, Kind, LocalPage, Place, Shown};
+use crate::page::{Asked, Kind, Place, Shown};
+pub use crate::page::{LocalPage, PageError};
 use crate::recording::Status;
 use crate::runtime::Event;
 use crate::sim::Simulation;
+use crate::threads::lock;
 
 /// What the page is made of.
 const PARTS: [(&str, Kind, &str); 3] = [
@@ -112,25 +113,7 @@ impl Board {
         session.enter(Phase::Refused, why);
     }
 
-    /// The pace that a person has set last, if the simulation has one.
-    #[must_use]
-    pub fn pace(&self) -> Option<Option<f64>> {
-        self.session().clock().map(PacedClock::pace)
-    }
-
-    fn session(&self) -> MutexGuard<'_, Session> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// A page that is being served. Dropping it ends that.
-#[derive(Debug)]
-pub struct LivePage {
-    page: LocalPage,
-}
-
-impl LivePage {
-    /// Serves a board's page at a port of 127.0.0.1, 0 for any that is free.
+    /// Serves its page at a port of 127.0.0.1, 0 for any that is free.
     ///
     /// - `granted`: the wishes that `grant` can do something about.
     ///
@@ -138,22 +121,25 @@ impl LivePage {
     ///
     /// [`PageError`]; nothing is served then.
     pub fn serve(
-        board: &Board,
+        &self,
         port: u16,
         granted: &[Wish],
         grant: impl Fn(Wish) + Send + Sync + 'static,
-    ) -> Result<Self, PageError> {
-        board.grants(granted);
-        let board = board.clone();
-        let answer = move |asked: Asked<'_>| board.answer(asked, &grant);
+    ) -> Result<LocalPage, PageError> {
+        self.grants(granted);
+        let board = self.clone();
         let place = Place { port, token: None, most_posted: MOST_POSTED };
-        Ok(Self { page: LocalPage::serve(&place, answer)? })
+        LocalPage::serve(&place, move |asked| board.answer(asked, &grant))
     }
 
-    /// Where the page is.
+    /// The pace that a person has set last, if the simulation has one.
     #[must_use]
-    pub fn url(&self) -> String {
-        self.page.url().to_owned()
+    pub fn pace(&self) -> Option<Option<f64>> {
+        self.session().clock().map(PacedClock::pace)
+    }
+
+    fn session(&self) -> MutexGuard<'_, Session> {
+        lock(&self.0)
     }
 }
 

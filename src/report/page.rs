@@ -21,9 +21,6 @@ use crate::units::rounded_to;
 
 const TEMPLATE: &str = include_str!("page.html");
 
-/// Paths in the page are not finer, metres.
-const LEAST_STEP_M: f64 = 0.004;
-
 /// The page.
 pub(super) fn html(scene: &Scene) -> String {
     let page = TEMPLATE.replace("@TITLE@", &escaped(&scene.title));
@@ -95,7 +92,7 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
         "name": track.name,
         "pathColour": web_colour(colours.path),
         "pointColour": web_colour(colours.points),
-        "path": thinned(&track.path, LEAST_STEP_M)
+        "path": thinned(&track.path)
             .into_iter()
             .flat_map(of_path)
             .collect::<Vec<_>>(),
@@ -115,6 +112,6 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
 fn true_path(places: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let untimed = |&[x_m, y_m]: &[f64; 2]| PathPoint { time_ns: 0, x_m, y_m, heading_rad: 0.0 };
     let path: Vec<PathPoint> = places.iter().map(untimed).collect();
-    let thinned = thinned(&path, LEAST_STEP_M).into_iter();
+    let thinned = thinned(&path).into_iter();
     thinned.map(|point| [rounded_to(point.x_m, 1e4), rounded_to(point.y_m, 1e4)]).collect()
 }

@@ -23,9 +23,6 @@ const RIGHT: f64 = 24.0;
 const AXIS: f64 = 52.0;
 const ROW: f64 = 24.0;
 
-/// No path is drawn finer, metres.
-const LEAST_STEP_M: f64 = 0.004;
-
 const WALL: RGBColor = RGBColor(0x9a, 0xa1, 0xa9);
 const BLOCK: RGBColor = RGBColor(0xe9, 0xeb, 0xee);
 const EDGE: RGBColor = RGBColor(0x6b, 0x73, 0x7c);
@@ -179,7 +176,7 @@ impl Drawing for Picture<'_> {
             canvas.line(&self.placed([wall.from_m, wall.to_m]), INK, 4.5)?;
         }
         for (place, track) in tracks() {
-            let path = thinned(&track.path, LEAST_STEP_M);
+            let path = thinned(&track.path);
             let line = self.placed(path.iter().map(|p| [p.x_m, p.y_m]));
             canvas.line(&line, rgb(self.colours(place).path), 2.0 + 1.6 * self.excess(place))?;
         }

@@ -27,7 +27,7 @@ use crate::document::nearest;
 use crate::mapping::Range;
 use crate::printable;
 use crate::recording::Run;
-use crate::runtime::{Cast, ReplayError, Step};
+use crate::runtime::{Again, Cast, ReplayError, Step};
 use crate::senses::{Channel, QUANTITIES, Senses};
 use crate::units::{degrees, rounded_to, wrap_rad};
 
@@ -136,33 +136,21 @@ impl Timeline {
     /// [`ReplayError`]: the recording does not say with which robot or mission it was made, or
     /// these do not load any more.
     pub fn of_run(run: &Run) -> Result<Self, ReplayError> {
-        let mut cast = Cast::of(run, None)?;
-        let names = Names::of(&cast);
-        let start_ns = cast.info.start_ns;
+        let mut again = Again::of(run, Cast::of(run, None)?);
+        let names = Names::of(&again.cast);
+        let start_ns = again.cast.info.start_ns;
         let since_s = |time_ns: i64| seconds(time_ns.saturating_sub(start_ns));
         let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.numbers.len()];
         let mut texts: Vec<Vec<String>> = vec![Vec::new(); names.texts.len()];
         let mut marks = Vec::new();
-        let mut demands = Demands::default();
-        let (mut next_tick, mut is_lost) = (0, false);
         let (mut touched, mut stalled) = (false, false);
         for senses in &run.senses {
-            is_lost |= senses.tick != next_tick;
-            next_tick = senses.tick + 1;
-            let step = if is_lost {
-                // A checkpoint is what was carried out of its tick.
-                let at = run.checkpoints.iter().find(|point| point.tick == senses.tick);
-                let state = at.and_then(|point| point.state());
-                is_lost = !state.is_some_and(|state| cast.pilot.restore(&state));
-                None
-            } else {
-                Some(cast.pilot.step(senses, &mut demands, |_| {}))
-            };
+            let step = again.step(senses, |_| {});
             let time_s = since_s(senses.time_ns);
-            let known = step.as_ref().map(|step| (step, &demands));
-            let row = numbers(&cast, senses, known);
+            let known = step.as_ref().map(|step| (step, &again.demands));
+            let row = numbers(&again.cast, senses, known);
             columns.iter_mut().zip(row).for_each(|(column, value)| column.push(value));
-            let row = words(&cast, known);
+            let row = words(&again.cast, known);
             texts.iter_mut().zip(row).for_each(|(column, text)| column.push(text));
             let mut mark = |kind, text: &str| {
                 marks.push(Mark { time_s, kind, text: text.to_owned() });
@@ -182,9 +170,10 @@ impl Timeline {
         let signals = names.numbers.into_iter().zip(columns);
         let signals = signals.filter(|(_, values)| values.iter().any(|value| !value.is_nan()));
         let texts = names.texts.into_iter().zip(texts);
+        let cast = again.cast;
         Ok(Self {
-            robot: cast.info.brick.clone(),
-            mission: cast.info.mission.clone(),
+            robot: cast.info.brick,
+            mission: cast.info.mission,
             times_s: run.senses.iter().map(|senses| since_s(senses.time_ns)).collect(),
             signals: signals.map(|(name, values)| Signal { name, values }).collect(),
             texts: texts.map(|(name, values)| Texts { name, values }).collect(),

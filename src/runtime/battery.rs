@@ -5,8 +5,6 @@
 //! stays reached until the run is over: a robot that slows down, whose voltage then recovers, does
 //! not speed up again.
 
-use std::fmt;
-
 use serde::{Deserialize, Serialize};
 
 use super::StopReason;
@@ -22,28 +20,21 @@ pub const HOLD_NS: i64 = 2 * SECOND_NS;
 pub const SLOW_SHARE: f64 = 0.5;
 
 /// How the battery is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, thiserror::Error)]
 pub enum Charge {
     /// Nothing to worry about.
     #[default]
+    #[error("the battery is good")]
     Good,
     /// A person is warned, and the brick's lights are orange, as under LEGO's firmware.
+    #[error("the battery is low: charge it soon, or have fresh cells ready")]
     Low,
     /// The robot drives at [`SLOW_SHARE`] of what is demanded.
+    #[error("the battery is very low: driving at half the speed")]
     VeryLow,
     /// The run ends.
+    #[error("{}", StopReason::Battery)]
     Empty,
-}
-
-impl fmt::Display for Charge {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Good => "the battery is good",
-            Self::Low => "the battery is low: charge it soon, or have fresh cells ready",
-            Self::VeryLow => "the battery is very low: driving at half the speed",
-            Self::Empty => return StopReason::Battery.fmt(f),
-        })
-    }
 }
 
 /// Watches the voltage.

@@ -30,7 +30,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use log::LevelFilter;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
@@ -44,8 +44,8 @@ use super::{
 };
 use crate::clock::{Clock, MonotonicClock};
 use crate::ev3dev::Tree as _;
-use crate::printable::with_causes;
-use crate::threads::spawn;
+use crate::printable::{json_line, with_causes};
+use crate::threads::{lock, spawn};
 
 /// No job is longer, bytes: two files of the largest size, and JSON's escapes.
 const LONGEST_JOB: u64 = 64 << 20;
@@ -170,25 +170,16 @@ impl RunProcess {
             // Nothing real moves, and its process is the brick.
             Brick::Simulated { .. } => ("control", None),
         };
-        let mut child = Command::new(program)
-            .arg(process)
-            .args(verbosity())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .map_err(StartError::Spawn)?;
-        let lost = || StartError::Spawn(io::ErrorKind::BrokenPipe.into());
-        let mut orders = child.stdin.take().ok_or_else(lost)?;
-        let events = BufReader::new(child.stdout.take().ok_or_else(lost)?);
-        let mut line = serde_json::to_vec(job)?;
-        line.push(b'\n');
+        let line = json_line(job)?;
+        let (mut child, mut orders, said) =
+            spawn_process(program, process).map_err(StartError::Spawn)?;
         if let Err(error) = orders.write_all(&line) {
             // It has closed its end, so it is about to be gone.
             let _ = child.wait();
             return Err(StartError::HandOver(error));
         }
         let stopper = Stopper::new(&child, orders);
-        Ok(Self { child, root, stopper, events, last_word: None })
+        Ok(Self { child, root, stopper, events: BufReader::new(said), last_word: None })
     }
 
     /// Waits for the next event, and skips heartbeats; `None` when the run's processes are gone.
@@ -318,9 +309,7 @@ impl Stopper {
     pub fn stop(&self, by: StopBy) -> io::Result<()> {
         let mut stopping = self.stopping();
         let Some(pipe) = stopping.orders.as_mut() else { return Ok(()) };
-        let mut line = serde_json::to_vec(&Order::Stop(by))?;
-        line.push(b'\n');
-        let asked = pipe.write_all(&line);
+        let asked = pipe.write_all(&json_line(&Order::Stop(by))?);
         if !std::mem::replace(&mut stopping.asked, true) {
             let stopper = self.clone();
             spawn("patience", move || stopper.force_later())?;
@@ -351,7 +340,7 @@ impl Stopper {
     }
 
     fn stopping(&self) -> MutexGuard<'_, Stopping> {
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.inner)
     }
 }
 
@@ -377,10 +366,27 @@ pub fn read_job(orders: &mut impl BufRead) -> io::Result<Job> {
     Ok(serde_json::from_str(&line)?)
 }
 
-/// The arguments with which a process of a run says as much as this one does: to be added to its
-/// command.
-#[must_use]
-pub fn verbosity() -> Option<&'static str> {
+/// Starts a process of a run, which says as much as this one does: with the pipe of its orders, and
+/// that of what it says.
+pub(super) fn spawn_process(
+    program: &Path,
+    process: &str,
+) -> io::Result<(Child, ChildStdin, ChildStdout)> {
+    let piped = Stdio::piped;
+    let mut child = Command::new(program)
+        .arg(process)
+        .args(verbosity())
+        .stdin(piped())
+        .stdout(piped())
+        .spawn()?;
+    match (child.stdin.take(), child.stdout.take()) {
+        (Some(orders), Some(said)) => Ok((child, orders, said)),
+        _ => Err(io::ErrorKind::BrokenPipe.into()),
+    }
+}
+
+/// The arguments with which a process says as much as this one does.
+fn verbosity() -> Option<&'static str> {
     match log::max_level() {
         LevelFilter::Off | LevelFilter::Error | LevelFilter::Warn => None,
         LevelFilter::Info => Some("-v"),

@@ -91,12 +91,6 @@ pub(super) struct Floor<'h> {
     pub(super) next: &'h mut dyn Heartbeat,
 }
 
-impl fmt::Debug for Floor<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Floor").field("fallen", &self.fallen).finish_non_exhaustive()
-    }
-}
-
 impl Heartbeat for Floor<'_> {
     fn beat(&mut self, now_ns: i64) {
         if self.truth.as_ref().and_then(|see| see()).is_some_and(|truth| truth.fallen) {

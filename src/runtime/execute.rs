@@ -7,10 +7,10 @@ use std::sync::Arc;
 use crate::behavior::{Mission, SetError};
 use crate::clock::{SECOND_NS, seconds, wall_ns};
 use crate::document::Findings;
-use crate::ev3dev::{DeviceError, Platform, StopAction, Tree};
+use crate::ev3dev::{DeviceError, StopAction, Tree};
 use crate::mapping::Pose;
 use crate::printable::with_causes;
-use crate::robot::{Aspect, BindError, LeasedMotor, Robot, RobotConfig, equip};
+use crate::robot::{Aspect, BindError, LeasedMotor, Robot, equip};
 
 use super::control::{Control, Tally};
 use super::environment::{Environment, Floor};
@@ -111,6 +111,12 @@ impl Refused {
     }
 }
 
+impl From<&Refused> for Event {
+    fn from(refused: &Refused) -> Self {
+        Self::Refused { stop: refused.stop(), hint: refused.way_out().map(str::to_owned) }
+    }
+}
+
 /// Does a job in its environment. `report` hears how it is going, at most five times a second, from
 /// more than one thread.
 ///
@@ -125,12 +131,6 @@ pub fn execute(
     report: impl Fn(&Event) + Send + Sync + 'static,
 ) -> Result<Ended, Refused> {
     let report: Arc<Report> = Arc::new(report);
-    let (config, _) = RobotConfig::load(&job.robot.name, job.robot.text.as_bytes())?;
-    let (mut mission, _) = job.mission.mission(&config.capabilities())?;
-    for (name, value) in &job.set {
-        mission.set(name, *value)?;
-    }
-    let _lock = hold(job, mission.name())?;
     // Of this run alone; the other flags are shared.
     let flags = &StopFlags { fallen: Arc::default(), ..flags.clone() };
     let heartbeat = &mut Floor {
@@ -138,30 +138,10 @@ pub fn execute(
         fallen: Arc::clone(&flags.fallen),
         next: heartbeat,
     };
-    equip(&environment.tree, &config, &*environment.clock)?;
-    let mut robot = Robot::bind(&environment.tree, &config, mission.senses())?;
-    // As it was bound: with the cells that the brick runs on.
-    let config = robot.config().clone();
-    stoppable(job, &robot)?;
-    if environment.pace == Pace::Real {
-        robot.mend_in_background().map_err(Refused::Helper)?;
-    }
-    log::debug!("the robot is bound");
-    prepare(&mut robot, &*environment.clock, flags, environment.announce, |why| {
-        report(&Event::Preparing { what: why.to_owned() });
-    })?;
-    log::debug!("the robot stands still, and has announced itself");
-    // On a brick the moment decides; it is in the recording, so that a replay draws the same.
-    let seed = environment.seed.unwrap_or_else(|| wall_ns().cast_unsigned());
-    let mut pilot = Pilot::new(&config, &mission, job.method, job.start)?.with_seed(seed);
-    let (recorder, mut tick_side) = record(
-        job,
-        &config,
-        &mission,
-        &environment,
-        (seed, robot.platform()),
-        Arc::clone(&report),
-    )?;
+    let Ready { _lock, mission, mut robot, mut pilot, seed } =
+        ready(job, &environment, flags, &*report)?;
+    let (recorder, mut tick_side) =
+        record(job, &robot, &mission, &environment, seed, Arc::clone(&report))?;
     let motors = robot.motor_ports();
     write_owner(job, &Owner { motors: motors.clone(), ..owner(job, mission.name()) });
     report(&Event::Driving { file: job.file.clone(), motors });
@@ -183,18 +163,7 @@ pub fn execute(
     let mut tally = control.tally;
     let stopped = robot.stop(StopAction::Brake);
     let reason = driven.unwrap_or(StopReason::Panicked);
-    let detail = match reason {
-        StopReason::Lost(channel) => robot.trouble_with(channel).map(ToString::to_string),
-        StopReason::Button => robot.stop_trouble().map(ToString::to_string),
-        StopReason::Outside(channel) => {
-            robot.motor(channel).map(|motor| hand_on(motor, &environment.tree))
-        }
-        StopReason::Late if matches!(job.brick, Brick::Simulated { .. }) => {
-            Some(TOO_BUSY.to_owned())
-        }
-        _ => None,
-    };
-    let mut stop = reason.with(detail);
+    let mut stop = reason.with(detail(reason, job, &mut robot, &environment.tree));
     if reason.has_a_place() {
         stop.add(&place(&mission, &pilot, &tally.pose));
     }
@@ -225,6 +194,65 @@ pub fn execute(
         file: job.file.clone(),
         recording,
     })
+}
+
+/// A robot that stands still, and what it is to do.
+struct Ready {
+    /// Dropped last: until then no other run has the motors.
+    _lock: Option<HardwareLock>,
+    mission: Mission,
+    robot: Robot,
+    pilot: Pilot,
+    seed: u64,
+}
+
+/// Takes the hardware, and waits until the robot stands still and is in order.
+fn ready(
+    job: &Job,
+    environment: &Environment,
+    flags: &StopFlags,
+    report: &Report,
+) -> Result<Ready, Refused> {
+    let (config, _) = job.robot.robot()?;
+    let (mut mission, _) = job.mission.mission(&config.capabilities())?;
+    for (name, value) in &job.set {
+        mission.set(name, *value)?;
+    }
+    let _lock = hold(job, mission.name())?;
+    equip(&environment.tree, &config, &*environment.clock)?;
+    let mut robot = Robot::bind(&environment.tree, &config, mission.senses())?;
+    stoppable(job, &robot)?;
+    if environment.pace == Pace::Real {
+        robot.mend_in_background().map_err(Refused::Helper)?;
+    }
+    log::debug!("the robot is bound");
+    prepare(&mut robot, &*environment.clock, flags, environment.announce, |why| {
+        report(&Event::Preparing { what: why.to_owned() });
+    })?;
+    log::debug!("the robot stands still, and has announced itself");
+    // On a brick the moment decides; it is in the recording, so that a replay draws the same.
+    let seed = environment.seed.unwrap_or_else(|| wall_ns().cast_unsigned());
+    // As the robot was bound: with the cells that the brick runs on.
+    let pilot = Pilot::new(robot.config(), &mission, job.method, job.start)?.with_seed(seed);
+    Ok(Ready { _lock, mission, robot, pilot, seed })
+}
+
+/// What else is known of why a run ended.
+fn detail(
+    reason: StopReason,
+    job: &Job,
+    robot: &mut Robot,
+    tree: &Arc<dyn Tree>,
+) -> Option<String> {
+    match reason {
+        StopReason::Lost(channel) => robot.trouble_with(channel).map(ToString::to_string),
+        StopReason::Button => robot.stop_trouble().map(ToString::to_string),
+        StopReason::Outside(channel) => robot.motor(channel).map(|motor| hand_on(motor, tree)),
+        StopReason::Late if matches!(job.brick, Brick::Simulated { .. }) => {
+            Some(TOO_BUSY.to_owned())
+        }
+        _ => None,
+    }
 }
 
 /// What the mission did at the end, and where: `drive in ahead, at x 0.83 m, y -0.20 m`.
@@ -322,13 +350,14 @@ fn hold(job: &Job, mission: &str) -> Result<Option<HardwareLock>, Refused> {
 /// Begins the recording.
 fn record(
     job: &Job,
-    config: &RobotConfig,
+    robot: &Robot,
     mission: &Mission,
     environment: &Environment,
-    (seed, board): (u64, &'static Platform),
+    seed: u64,
     report: Arc<Report>,
 ) -> Result<(Recorder, recording::TickSide<PilotState>), Refused> {
     let failed = |source| Refused::Record { file: job.file.clone(), source };
+    let config = robot.config();
     let sink = (environment.create)(&job.file)
         .map_err(|source| failed(RecordError { doing: "create the file", source }))?;
     let info = Info {
@@ -344,19 +373,13 @@ fn record(
         pace: environment.pace,
         seed,
         cells: config.battery.cells,
-        board,
+        board: robot.platform(),
         settings: job.set.clone(),
         method: job.method,
     };
-    let start = Start {
-        info,
-        robot_toml: job.robot.text.clone(),
-        mission_toml: job.mission.text.clone(),
-        world_toml: environment.world_toml.clone(),
-        range: recording::range_sensor(config),
-        machines: recording::machines(mission),
-        variables: recording::variables(mission),
-    };
+    let robot = (config, job.robot.text.as_str());
+    let mission = (mission, job.mission.text.as_str());
+    let start = Start::of(info, robot, mission, environment.world_toml.clone());
     let options = Options { sync_period_ns: job.sync_ns, ..Options::default() };
     let on_status =
         Box::new(move |status: &recording::Status| report(&Event::Status(status.clone())));

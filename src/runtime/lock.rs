@@ -20,7 +20,7 @@ use nix::sys::statfs::{FUSE_SUPER_MAGIC, statfs};
 use serde::{Deserialize, Serialize};
 
 use super::open_files;
-use crate::printable::line;
+use crate::printable::{json_line, line};
 
 /// Who owns the hardware.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -210,8 +210,7 @@ fn open_existing(path: &Path, how: &mut OpenOptions) -> io::Result<Option<File>>
 /// One write of a whole line, so that a reader never sees half a name; the rest of an earlier
 /// owner's text is then cut off.
 fn write_owner(file: &File, owner: &Owner) -> io::Result<()> {
-    let mut text = serde_json::to_vec(owner)?;
-    text.push(b'\n');
+    let text = json_line(owner)?;
     file.write_all_at(&text, 0)?;
     file.set_len(u64::try_from(text.len()).unwrap_or(u64::MAX))
 }

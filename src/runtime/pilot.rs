@@ -64,13 +64,9 @@ pub struct Pilot {
     home_m: [f64; 2],
     program: Program,
     signals: Signals,
-    stalls: StallWatch,
     plausibility: Plausibility,
     limits: BatteryLimits,
-    battery: BatteryWatch,
-    wheels_rad_s: [f64; 2],
-    head_rad: Option<f64>,
-    paused: bool,
+    carried: Carried,
 }
 
 /// The mission's variables, told when one of them has changed.
@@ -112,6 +108,12 @@ pub struct PilotState {
     pub estimator: EstimatorState,
     /// The mission's part.
     pub program: ProgramState,
+    carried: Carried,
+}
+
+/// The pilot's own part.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+struct Carried {
     stalls: StallWatch,
     battery: BatteryWatch,
     wheels_rad_s: [f64; 2],
@@ -164,12 +166,8 @@ impl Pilot {
             home_m: [start.x_m, start.y_m],
             program: mission.start()?.with_limits(config.motion_limits()),
             signals: Signals::default(),
-            stalls: StallWatch::default(),
             limits: config.battery.limits(),
-            battery: BatteryWatch::default(),
-            wheels_rad_s: [0.0; 2],
-            head_rad: None,
-            paused: false,
+            carried: Carried::default(),
         })
     }
 
@@ -187,27 +185,30 @@ impl Pilot {
         let estimate = self.estimator.update(&inputs);
         let placed = self.map.add(&estimate);
         let angles_rad = Channel::WHEELS.map(|wheel| senses.fresh(wheel, self.config.max_age_ns));
-        let stalled = self.stalls.step(senses.time_ns, self.wheels_rad_s, angles_rad);
+        let stalled =
+            self.carried.stalls.step(senses.time_ns, self.carried.wheels_rad_s, angles_rad);
         let lost = self.lost(senses);
-        let doubted = self.plausibility.step(senses, &estimate, self.head_rad);
+        let carried = &mut self.carried;
+        let doubted =
+            self.plausibility.step(&mut carried.plausibility, senses, &estimate, carried.head_rad);
         let end = self.decide(senses, &estimate, lost, stalled, demands, taken);
         self.plan(&estimate, stalled.is_some());
         let end = end.or(doubted.map(StopReason::Implausible));
         let volts = self.fresh(senses, Channel::Battery);
-        let charge = self.battery.step(&self.limits, senses.time_ns, volts);
+        let charge = self.carried.battery.step(&self.limits, senses.time_ns, volts);
         charge.limit(demands);
         let end = end.or((charge == Charge::Empty).then_some(StopReason::Battery));
         if end.is_some() {
             // What people are told stays.
             *demands = Demands { led: demands.led, say: demands.say, ..STANDSTILL };
         }
-        self.wheels_rad_s = self.config.wheel_speeds(demands.drive);
-        self.head_rad = demands.head_rad;
+        self.carried.wheels_rad_s = self.config.wheel_speeds(demands.drive);
+        self.carried.head_rad = demands.head_rad;
         Step {
             estimate,
             placed,
             stalled: stalled.is_some(),
-            paused: lost.filter(|_| self.paused),
+            paused: lost.filter(|_| self.carried.paused),
             charge,
             end,
         }
@@ -258,13 +259,8 @@ impl Pilot {
     pub fn state(&self) -> PilotState {
         PilotState {
             estimator: self.estimator.state(),
-            stalls: self.stalls,
-            battery: self.battery,
-            wheels_rad_s: self.wheels_rad_s,
-            paused: self.paused,
-            plausibility: self.plausibility.state(),
-            head_rad: self.head_rad,
             program: self.program.state(),
+            carried: self.carried,
         }
     }
 
@@ -274,12 +270,7 @@ impl Pilot {
         let fits =
             self.program.restore(&state.program) && self.estimator.restore(state.estimator.clone());
         if fits {
-            self.stalls = state.stalls;
-            self.battery = state.battery;
-            self.wheels_rad_s = state.wheels_rad_s;
-            self.paused = state.paused;
-            self.plausibility.restore(state.plausibility);
-            self.head_rad = state.head_rad;
+            self.carried = state.carried;
         }
         fits
     }
@@ -325,7 +316,7 @@ impl Pilot {
         demands: &mut Demands,
         taken: impl FnMut(Taken),
     ) -> Option<StopReason> {
-        self.paused = lost.is_some();
+        self.carried.paused = lost.is_some();
         match (lost, self.on_lost) {
             (Some(channel), OnLost::Stop) => return Some(StopReason::Lost(channel)),
             (Some(_), OnLost::Pause) => {
@@ -355,7 +346,7 @@ impl Pilot {
         let Some(planner) = &mut self.planner else { return };
         let pose = estimate.pose;
         planner.note(estimate, self.estimator.config().geometry.range().max_m);
-        let [left_rad_s, right_rad_s] = self.wheels_rad_s;
+        let [left_rad_s, right_rad_s] = self.carried.wheels_rad_s;
         let touch = self.signals.get(Signal::Sensed(Channel::Touch));
         // A bumper that stays pressed says nothing about where the robot comes to.
         let was_pressed = std::mem::replace(&mut self.is_pressed, touch.is_some_and(|on| on > 0.5));

@@ -67,7 +67,7 @@ const LEAPS_NS: i64 = 2 * SECOND_NS;
 /// No robot is turned so far by its wheels from tick to tick, radians: a wheel's angle leaped.
 const WHEELS_LEAP_RAD: f64 = 0.5;
 
-/// Looks for readings that cannot be true.
+/// Looks for readings that cannot be true: what a robot can do, and what a run needs of it.
 #[derive(Debug)]
 pub(super) struct Plausibility {
     /// How far the robot turns for a radian that one wheel turns more than the other.
@@ -77,7 +77,6 @@ pub(super) struct Plausibility {
     gyro: bool,
     range: bool,
     head: bool,
-    state: PlausibilityState,
 }
 
 /// What is carried from tick to tick.
@@ -143,39 +142,31 @@ impl Plausibility {
             gyro: needs(Channel::Gyro),
             range: needs(Channel::Range),
             head: needs(Channel::Head),
-            state: PlausibilityState::default(),
         }
-    }
-
-    pub(super) fn state(&self) -> PlausibilityState {
-        self.state
-    }
-
-    pub(super) fn restore(&mut self, state: PlausibilityState) {
-        self.state = state;
     }
 
     /// One tick: the reading that cannot be true, if there is one.
     ///
     /// - `head_rad`: where the head was told to point at the tick before.
     pub(super) fn step(
-        &mut self,
+        &self,
+        state: &mut PlausibilityState,
         senses: &Senses,
         estimate: &Estimate,
         head_rad: Option<f64>,
     ) -> Option<Channel> {
-        let turned_rad = self.turned_rad(senses);
+        let turned_rad = self.turned_rad(state, senses);
         [
-            (Channel::Gyro, self.gyro && self.doubts_gyro(senses, estimate, turned_rad)),
-            (Channel::Range, self.range && self.doubts_range(senses, estimate)),
-            (Channel::Head, self.head && self.doubts_head(senses, head_rad)),
+            (Channel::Gyro, self.gyro && self.doubts_gyro(state, senses, estimate, turned_rad)),
+            (Channel::Range, self.range && self.doubts_range(state, senses, estimate)),
+            (Channel::Head, self.head && self.doubts_head(state, senses, head_rad)),
         ]
         .into_iter()
         .find_map(|(channel, doubted)| doubted.then_some(channel))
     }
 
     /// How far the wheels have turned the robot since the tick before, radians.
-    fn turned_rad(&mut self, senses: &Senses) -> f64 {
+    fn turned_rad(&self, state: &mut PlausibilityState, senses: &Senses) -> f64 {
         let wheel = |channel| senses.fresh(channel, 0);
         let (Some(left_rad), Some(right_rad)) = (wheel(Channel::Left), wheel(Channel::Right))
         else {
@@ -183,45 +174,59 @@ impl Plausibility {
             return 0.0;
         };
         let wheels_rad = right_rad - left_rad;
-        let before_rad = self.state.wheels_rad.replace(wheels_rad).unwrap_or(wheels_rad);
+        let before_rad = state.wheels_rad.replace(wheels_rad).unwrap_or(wheels_rad);
         (wheels_rad - before_rad) * self.turn_per_rad
     }
 
-    fn doubts_gyro(&mut self, senses: &Senses, estimate: &Estimate, turned_rad: f64) -> bool {
+    fn doubts_gyro(
+        &self,
+        state: &mut PlausibilityState,
+        senses: &Senses,
+        estimate: &Estimate,
+        turned_rad: f64,
+    ) -> bool {
         // One that could not be read in this tick has not been seen to stand still.
         let Some(gyro) = senses.get(Channel::Gyro).filter(|gyro| gyro.read_ns == senses.time_ns)
         else {
             return false;
         };
         let turned_rad = if turned_rad.abs() < WHEELS_LEAP_RAD { turned_rad } else { 0.0 };
-        let leaps = estimate.events.contains(Events::GYRO_RESET)
-            && self.state.gyro_leaps.add(senses.time_ns);
-        leaps || self.state.gyro.add(gyro.changed_ns, turned_rad) > TURN_RAD
+        let leaps =
+            estimate.events.contains(Events::GYRO_RESET) && state.gyro_leaps.add(senses.time_ns);
+        leaps || state.gyro.add(gyro.changed_ns, turned_rad) > TURN_RAD
     }
 
-    fn doubts_range(&mut self, senses: &Senses, estimate: &Estimate) -> bool {
+    fn doubts_range(
+        &self,
+        state: &mut PlausibilityState,
+        senses: &Senses,
+        estimate: &Estimate,
+    ) -> bool {
         let Some(sounding) = estimate.sounding.filter(|sounding| sounding.fresh) else {
             return false;
         };
         let Some(range) = senses.get(Channel::Range) else { return false };
         let here_m = [sounding.x_m, sounding.y_m];
-        let before_m = self.state.sensor_m.replace(here_m).unwrap_or(here_m);
+        let before_m = state.sensor_m.replace(here_m).unwrap_or(here_m);
         let [x_m, y_m] = [here_m[0] - before_m[0], here_m[1] - before_m[1]];
         let along_m = x_m * sounding.beam[0] + y_m * sounding.beam[1];
         let is_along = along_m * along_m >= ALONG_SHARE * (x_m * x_m + y_m * y_m);
         let measures = matches!(sounding.range, Range::Echo(_));
         let moved_m = if is_along && measures { along_m } else { 0.0 };
-        self.state.range.add(range.changed_ns, moved_m) > WAY_M
+        state.range.add(range.changed_ns, moved_m) > WAY_M
             && measures
             && senses.time_ns - range.changed_ns >= WAY_NS
     }
 
-    fn doubts_head(&mut self, senses: &Senses, wanted_rad: Option<f64>) -> bool {
+    fn doubts_head(
+        &self,
+        state: &mut PlausibilityState,
+        senses: &Senses,
+        wanted_rad: Option<f64>,
+    ) -> bool {
         let Some(head) = senses.get(Channel::Head) else { return false };
-        let before_rad = self.state.head_rad.replace(head.value).unwrap_or(head.value);
-        if (head.value - before_rad).abs() > HEAD_LEAP_RAD
-            && self.state.head_leaps.add(senses.time_ns)
-        {
+        let before_rad = state.head_rad.replace(head.value).unwrap_or(head.value);
+        if (head.value - before_rad).abs() > HEAD_LEAP_RAD && state.head_leaps.add(senses.time_ns) {
             return true;
         }
         let limit_rad = self.head_limit_rad;
@@ -231,10 +236,10 @@ impl Plausibility {
             (reached_rad - head.value).abs() > HEAD_FAR_RAD
         };
         if !wanted_rad.is_some_and(is_far) {
-            self.state.told_since_ns = None;
+            state.told_since_ns = None;
             return false;
         }
-        let since_ns = *self.state.told_since_ns.get_or_insert(senses.time_ns);
+        let since_ns = *state.told_since_ns.get_or_insert(senses.time_ns);
         senses.time_ns.saturating_sub(since_ns.max(head.changed_ns)) > HEAD_NS
     }
 }
@@ -253,6 +258,7 @@ mod tests {
     /// A robot whose readings are made up tick by tick.
     struct Bench {
         watch: Plausibility,
+        state: PlausibilityState,
         estimator: Estimator,
         senses: Senses,
         head_rad: Option<f64>,
@@ -264,6 +270,7 @@ mod tests {
             let geometry = config.geometry().unwrap();
             Self {
                 watch: Plausibility::new(&config, &Channel::ALL),
+                state: PlausibilityState::default(),
                 estimator: Estimator::new(
                     EstimatorConfig { geometry, method: Method::Default },
                     Pose::default(),
@@ -286,7 +293,7 @@ mod tests {
                 head_rad: Some(get(Channel::Head).value),
                 range: Some(RangeReading { value_m: range.value, changed_ns: range.changed_ns }),
             });
-            self.watch.step(&self.senses, &estimate, self.head_rad)
+            self.watch.step(&mut self.state, &self.senses, &estimate, self.head_rad)
         }
 
         /// Plays a minute of readings by the time in seconds: when one was doubted, and which.

@@ -11,7 +11,6 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::Path;
 
 use serde::Serialize;
 
@@ -19,15 +18,15 @@ use crate::behavior::{Demands, Mission, SetError, Taken};
 use crate::document::Findings;
 use crate::mapping::{MapPoint, OccupancyGrid, Pose};
 use crate::robot::RobotConfig;
-use crate::senses::{Channel, QUANTITIES, Quantity, Role, Senses};
+use crate::senses::Senses;
 use crate::units::counted;
 
-use super::Source;
-use super::pilot::{ChangedVariables, Pilot, PilotError, PilotState, Step};
-use crate::recording::{
-    self, Checkpoint, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start,
-    StopReason, TickRecord,
-};
+use super::pilot::{Pilot, PilotError, Step};
+use crate::recording::{Checkpoint, Grid, Info, RecordError, Run};
+
+mod remade;
+
+pub use remade::{Remade, replay_with};
 
 /// How many differences are told one by one.
 const TOLD: usize = 10;
@@ -148,37 +147,63 @@ impl Cast {
 ///
 /// [`ReplayError`] where the recording does not have what a replay needs; differences are no error.
 pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
-    let mut cast = Cast::of(run, None)?;
+    let mut again = Again::of(run, Cast::of(run, None)?);
     let recorded = Recorded::of(run);
     let mut replayed = Replayed::default();
-    let mut demands = Demands::default();
-    let mut next_tick = 0;
-    let mut lost = false;
     for senses in &run.senses {
-        if senses.tick != next_tick {
-            replayed.gaps.push((next_tick, senses.tick.saturating_sub(1)));
-            lost = true;
-        }
-        next_tick = senses.tick + 1;
-        if lost {
-            replayed.skipped += 1;
-            // A checkpoint is what was carried out of its tick.
-            if let Some(state) = recorded.checkpoints.get(&senses.tick).and_then(|at| at.state()) {
-                lost = !cast.pilot.restore(&state);
-            }
-            continue;
-        }
         let mut taken = Vec::new();
-        let step = cast.pilot.step(senses, &mut demands, |transition| taken.push(transition));
+        let Some(step) = again.step(senses, |transition| taken.push(transition)) else {
+            replayed.skipped += 1;
+            continue;
+        };
         replayed.ticks += 1;
         // The map before a gap is lost, and with it the plans that a mission drives by.
-        let plans = !replayed.gaps.is_empty() && cast.mission.navigates();
+        let plans = !again.gaps.is_empty() && again.cast.mission.navigates();
         replayed.compare(senses, &step, (!plans).then_some(&taken), &recorded);
     }
-    if run.ending.is_some() && !lost {
-        replayed.compare_points(next_tick, &cast.pilot.finish(), &recorded);
+    if run.ending.is_some() && !again.is_lost {
+        let points = again.cast.pilot.finish();
+        replayed.compare_points(again.next_tick, &points, &recorded);
     }
+    replayed.gaps = again.gaps;
     Ok(replayed)
+}
+
+/// A run tick by tick once more; over a gap in its senses from the next checkpoint on.
+#[derive(Debug)]
+pub(crate) struct Again<'r> {
+    pub(crate) cast: Cast,
+    /// What the last step demanded.
+    pub(crate) demands: Demands,
+    checkpoints: BTreeMap<u64, &'r Checkpoint>,
+    /// Each gap as its first and last missing tick.
+    gaps: Vec<(u64, u64)>,
+    next_tick: u64,
+    is_lost: bool,
+}
+
+impl<'r> Again<'r> {
+    pub(crate) fn of(run: &'r Run, cast: Cast) -> Self {
+        let checkpoints = run.checkpoints.iter().map(|point| (point.tick, point)).collect();
+        let (demands, gaps) = (Demands::default(), Vec::new());
+        Self { cast, demands, checkpoints, gaps, next_tick: 0, is_lost: false }
+    }
+
+    /// The next tick's step; `None` between a gap and the next checkpoint.
+    pub(crate) fn step(&mut self, senses: &Senses, taken: impl FnMut(Taken)) -> Option<Step> {
+        if senses.tick != self.next_tick {
+            self.gaps.push((self.next_tick, senses.tick.saturating_sub(1)));
+            self.is_lost = true;
+        }
+        self.next_tick = senses.tick + 1;
+        if self.is_lost {
+            // A checkpoint is what was carried out of its tick.
+            let state = self.checkpoints.get(&senses.tick).and_then(|at| at.state());
+            self.is_lost = !state.is_some_and(|state| self.cast.pilot.restore(&state));
+            return None;
+        }
+        Some(self.cast.pilot.step(senses, &mut self.demands, taken))
+    }
 }
 
 /// The occupancy grid of a run: the recorded one, which covers 5 m around the start, or where the
@@ -215,135 +240,6 @@ pub fn whole_map(run: &Run) -> Result<Grid, ReplayError> {
     Ok(Grid::from(cast.pilot.map().grid()))
 }
 
-/// A run that was made from another one's senses.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Remade {
-    /// Ticks.
-    pub ticks: u64,
-    /// Points of its map.
-    pub points: u64,
-    /// Metres driven.
-    pub travelled_m: f64,
-    /// The pose at its end.
-    pub end: Pose,
-}
-
-impl fmt::Display for Remade {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{}: {:.2} m driven, {}, ending at {:.3}, {:.3} m, {:.1} degrees",
-            counted(self.ticks, "tick"),
-            self.travelled_m,
-            counted(self.points, "point"),
-            self.end.x_m,
-            self.end.y_m,
-            crate::units::degrees(self.end.heading_rad)
-        )
-    }
-}
-
-/// Replays a run's senses with another robot, and records the result to `file`.
-///
-/// The machines may decide otherwise than they did; the senses stay what they were.
-///
-/// # Errors
-///
-/// [`ReplayError`].
-pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, ReplayError> {
-    let (config, _) = RobotConfig::load(&robot.name, robot.text.as_bytes())?;
-    let mut cast = Cast::of(run, Some(&config))?;
-    let info = Info {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        brick: config.name.clone(),
-        mission: cast.mission.name().to_owned(),
-        pace: Pace::Virtual,
-        ..cast.info.clone()
-    };
-    let start = Start {
-        info,
-        robot_toml: robot.text.clone(),
-        mission_toml: run.mission_toml.clone().unwrap_or_default(),
-        world_toml: run.world_toml.clone(),
-        range: recording::range_sensor(&config),
-        machines: recording::machines(&cast.mission),
-        variables: recording::variables(&cast.mission),
-    };
-    let sink = recording::create(file)
-        .map_err(|source| RecordError { doing: "create the file", source })?;
-    let (recorder, mut tick_side) =
-        Recorder::start::<PilotState>(Box::new(sink), start, Options::default(), Box::new(|_| {}))?;
-    let mut remade = Remade { ticks: 0, points: 0, travelled_m: 0.0, end: cast.info.start_pose };
-    let mut demands = Demands::default();
-    let mut time_ns = cast.info.start_ns;
-    let mut variables = ChangedVariables::default();
-    for senses in &run.senses {
-        let senses = regeared(senses, &cast.robot, &config);
-        let mut taken = Vec::new();
-        let step = cast.pilot.step(&senses, &mut demands, |transition| taken.push(transition));
-        time_ns = senses.time_ns;
-        tick_side.tick(&TickRecord {
-            senses,
-            estimate: step.estimate,
-            placed: step.placed,
-            range_is_new: step.estimate.sounding.is_some_and(|sounding| sounding.fresh),
-            lateness_ns: 0,
-        });
-        for transition in taken {
-            tick_side.transition(senses.tick, time_ns, transition);
-        }
-        if let Some(values) = variables.next(cast.pilot.program().variables()) {
-            tick_side.variables(senses.tick, time_ns, values);
-        }
-        remade.ticks += 1;
-        remade.points += count(&step.placed);
-        remade.travelled_m = step.estimate.travelled_m;
-        remade.end = step.estimate.pose;
-    }
-    let stop = StopReason::Replayed.with(format!("with {}", config.name));
-    let truth = run.ending.as_ref().and_then(|ending| ending.truth);
-    let points = cast.pilot.finish();
-    remade.points += count(&points);
-    let end = End { stop, time_ns, truth, points, map: Some(Grid::from(cast.pilot.map().grid())) };
-    recorder.finish(tick_side, end)?;
-    Ok(remade)
-}
-
-/// The same senses as another robot would have given them: where its gears differ, the angles of
-/// its axles do, and what it does not have says nothing.
-fn regeared(senses: &Senses, from: &RobotConfig, to: &RobotConfig) -> Senses {
-    let mut senses = *senses;
-    let mut scale = |channel: Channel, from: f64, to: f64| {
-        if let Some(reading) = &mut senses.readings[channel as usize]
-            && from.to_bits() != to.to_bits()
-        {
-            reading.value *= to / from;
-        }
-    };
-    scale(Channel::Left, from.left.ratio, to.left.ratio);
-    scale(Channel::Right, from.right.ratio, to.right.ratio);
-    if let (Some(from), Some(to)) = (&from.head, &to.head) {
-        scale(Channel::Head, from.motor.ratio, to.motor.ratio);
-    }
-    for (channel, (from, to)) in Channel::MOTORS.into_iter().zip(from.motors.iter().zip(&to.motors))
-    {
-        scale(channel, from.motor.ratio, to.motor.ratio);
-    }
-    let lacks = |quantity: &Quantity| match quantity.role {
-        // One that measures something else says nothing, either.
-        Role::Sensor(at) => {
-            let at = usize::from(at);
-            to.named_sensors.get(at).is_none()
-                || to.named_sensors.get(at) != from.named_sensors.get(at)
-        }
-        role => !to.has(role),
-    };
-    for quantity in QUANTITIES.iter().filter(|quantity| lacks(quantity)) {
-        senses.readings[quantity.channel as usize] = None;
-    }
-    senses
-}
-
 /// What the recording says, by tick.
 ///
 /// A tick's senses are written before its pose and transitions, and points come in batches, so a
@@ -353,7 +249,6 @@ struct Recorded<'r> {
     poses: BTreeMap<u64, Pose>,
     points: BTreeMap<i64, &'r MapPoint>,
     transitions: BTreeMap<u64, Vec<Taken>>,
-    checkpoints: BTreeMap<u64, &'r Checkpoint>,
     last_tick: Option<u64>,
     cut: bool,
     damaged: bool,
@@ -369,7 +264,6 @@ impl<'r> Recorded<'r> {
             poses: run.poses.iter().map(|pose| (pose.tick, pose.pose)).collect(),
             points: run.points.iter().map(|point| (point.time_ns, point)).collect(),
             transitions,
-            checkpoints: run.checkpoints.iter().map(|point| (point.tick, point)).collect(),
             last_tick: run.senses.last().map(|senses| senses.tick),
             cut: run.ending.is_none(),
             damaged: !run.integrity.damaged.is_empty(),

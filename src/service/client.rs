@@ -14,13 +14,14 @@
 
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::net::UnixStream;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::clock::{Clock, MonotonicClock};
+use crate::printable::json_line;
 use crate::protocol::{
     Answer, Envelope, Fetch, Fetched, Id, LocalOnly, MAX_FETCH_BYTES, Outcome, Refusal, Reply,
     Request, VERSION,
@@ -76,12 +77,6 @@ impl Client {
     #[must_use]
     pub fn of_menu_at(socket: impl Into<PathBuf>) -> Self {
         Self { menu: true, ..Self::at(socket) }
-    }
-
-    /// The socket.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
     }
 
     /// Asks what the network may ask as well.
@@ -168,9 +163,8 @@ impl Client {
     ) -> Result<Result<Answer, Refusal>, ClientError> {
         let id = self.next_id;
         self.next_id = self.next_id.wrapping_add(1);
-        let mut line = serde_json::to_vec(&Envelope { version: VERSION, id, request })
-            .map_err(ClientError::Strange)?;
-        line.push(b'\n');
+        let line =
+            json_line(&Envelope { version: VERSION, id, request }).map_err(ClientError::Strange)?;
         let stream = connection.get_mut();
         stream.set_write_timeout(Some(left(deadline_ns)?)).map_err(ClientError::Lost)?;
         stream.write_all(&line).map_err(broken)?;

@@ -2,7 +2,7 @@
 //! hardware.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 
 use serde::Serialize;
 
@@ -22,6 +22,7 @@ use crate::protocol::{
 };
 use crate::robot::BatteryConfig;
 use crate::runtime::{NotReady, StopBy, WhenAbandoned};
+use crate::threads::lock;
 
 /// Why there is no service.
 #[derive(Debug, thiserror::Error)]
@@ -201,10 +202,9 @@ impl Service {
 
     fn missions(&self) -> Result<Missions, Refusal> {
         let folder = &self.inner.config.missions;
-        let robot = missions::robot(&self.inner.config.robot).ok();
         // A robot that is not in order is said elsewhere; missions are then checked for themselves.
-        let capabilities =
-            robot.map_or_else(Capabilities::all, |robot| robot.config.capabilities());
+        let capabilities = missions::robot(&self.inner.config.robot)
+            .map_or_else(|_| Capabilities::all(), |(_, robot)| robot.capabilities());
         let missions = missions::list(folder, &capabilities).map_err(|error| {
             Refusal::new(
                 Kind::Failed,
@@ -306,9 +306,9 @@ impl Operations for Service {
             Request::Identify => answer(&self.identify()),
             Request::Live => {
                 self.between_runs()?;
-                let robot =
-                    missions::robot(&self.inner.config.robot).ok().map(|robot| robot.config);
-                answer(&self.inner.hardware.live(robot.as_ref(), MonotonicClock.now_ns())?)
+                let robot = missions::robot(&self.inner.config.robot).ok();
+                let robot = robot.as_ref().map(|(_, robot)| robot);
+                answer(&self.inner.hardware.live(robot, MonotonicClock.now_ns())?)
             }
         }
     }
@@ -385,8 +385,4 @@ fn answer(value: &impl Serialize) -> Result<Answer, Refusal> {
     let value = serde_json::to_value(value)
         .map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
     Ok(Answer { value, bytes: None })
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -12,7 +12,7 @@
 //! Whether a run is going on: the caller looks, and [`Hardware::let_go`] comes before each run.
 
 use std::f64::consts::PI;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use super::RobotSite;
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
@@ -23,6 +23,7 @@ use crate::ev3dev::{
 use crate::protocol::{Kind, Live, LiveDevice, Refusal};
 use crate::robot::{LeasedMotor, RobotConfig};
 use crate::runtime::{Brick, HardwareLock, LockError};
+use crate::threads::lock;
 
 /// A jog that is not renewed is over after this, nanoseconds: its lease, and a little for a client
 /// that lags.
@@ -271,10 +272,6 @@ fn role_at(address: &PortAddress, robot: &RobotConfig) -> Option<String> {
         "drive.right" => "right wheel".to_owned(),
         role => role.trim_start_matches("motor.").to_owned(),
     })
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

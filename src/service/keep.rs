@@ -132,8 +132,8 @@ impl Keeper {
         }
         self.robot = bytes;
         let robot = missions::robot(path);
-        if let Ok(robot) = &robot {
-            self.inner.now().battery = robot.config.battery;
+        if let Ok((_, robot)) = &robot {
+            self.inner.now().battery = robot.battery;
         }
         robot.err()
     }

@@ -18,19 +18,12 @@ use crate::runtime::Source;
 /// No more missions are listed: a page of a menu, not a library.
 const MOST_MISSIONS: usize = 200;
 
-/// A robot's file, and what it says.
-#[derive(Debug, Clone)]
-pub(super) struct Robot {
-    pub(super) source: Source,
-    pub(super) config: RobotConfig,
-}
-
-/// Reads the robot's file; where there is none, takes the shipped one.
+/// Reads the robot's file, and what it says; where there is none, takes the shipped one.
 ///
 /// # Errors
 ///
 /// What is wrong with it, for people.
-pub(super) fn robot(path: &Path) -> Result<Robot, String> {
+pub(super) fn robot(path: &Path) -> Result<(Source, RobotConfig), String> {
     let name = path.display().to_string();
     let source = match read(path) {
         Ok(bytes) => Source::of(&name, &bytes).map_err(|findings| findings.to_string())?,
@@ -39,10 +32,8 @@ pub(super) fn robot(path: &Path) -> Result<Robot, String> {
         }
         Err(error) => return Err(format!("cannot read {name}: {error}")),
     };
-    match RobotConfig::load(&source.name, source.text.as_bytes()) {
-        Ok((config, _)) => Ok(Robot { source, config }),
-        Err(findings) => Err(findings.to_string()),
-    }
+    let (config, _) = source.robot().map_err(|findings| findings.to_string())?;
+    Ok((source, config))
 }
 
 /// All missions, by name, each with what `check` says against it.
@@ -205,8 +196,8 @@ mod tests {
 
     #[test]
     fn without_a_folder_the_shipped_missions_are_offered_and_all_are_in_order() {
-        let robot = robot(Path::new("/not/there/robot.toml")).unwrap();
-        let missions = list(Path::new("/not/there"), &robot.config.capabilities()).unwrap();
+        let (_, robot) = robot(Path::new("/not/there/robot.toml")).unwrap();
+        let missions = list(Path::new("/not/there"), &robot.capabilities()).unwrap();
         assert_eq!(missions.len(), shipped::MISSIONS.len());
         let map = missions.iter().find(|mission| mission.name == "map").unwrap();
         assert_eq!((map.findings.as_ref(), map.sha256.len()), (None, 64));

@@ -19,19 +19,20 @@ use std::os::unix::fs::{PermissionsExt, chown};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use nix::sys::socket::{getsockopt, sockopt::PeerCredentials};
 
 use super::config::SocketConfig;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+use crate::printable::json_line;
 use crate::protocol::{
     Answer, Asked, Caller, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Operations, Outcome,
     Refusal, Reply, parse_local,
 };
 use crate::runtime::groups;
-use crate::threads::spawn;
+use crate::threads::{lock, spawn};
 
 /// Connections at a time.
 pub const MAX_CLIENTS: usize = 128;
@@ -240,8 +241,7 @@ impl ClientThread {
             return Ok(LineRead::End);
         }
         if line.last() != Some(&b'\n') && line.len() >= SHORT_LINE {
-            let _one_at_a_time =
-                self.clients.long_line.lock().unwrap_or_else(PoisonError::into_inner);
+            let _one_at_a_time = lock(&self.clients.long_line);
             stream.set_read_timeout(Some(PATIENCE))?;
             read_up_to(reader, line, MAX_REQUEST_BYTES + 1)?;
             stream.set_read_timeout(None)?;
@@ -301,8 +301,6 @@ fn read_up_to(
 }
 
 fn send(stream: &mut impl Write, reply: &Reply, bytes: Option<&[u8]>) -> io::Result<()> {
-    let mut line = serde_json::to_vec(reply)?;
-    line.push(b'\n');
-    stream.write_all(&line)?;
+    stream.write_all(&json_line(reply)?)?;
     bytes.map_or(Ok(()), |bytes| stream.write_all(bytes))
 }

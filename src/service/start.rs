@@ -18,7 +18,7 @@ use crate::ev3dev::Tree as _;
 use crate::mapping::Pose;
 use crate::printable::{line, with_causes};
 use crate::protocol::{
-    Caller, Done, Kind, LastStop, Refusal, RunId, RunStatus, Start, Started, State, Stopped, whose,
+    Caller, Done, Kind, LastStop, Refusal, RunId, RunStatus, Start, Started, Stopped, whose,
 };
 use crate::recording;
 use crate::runtime::{
@@ -124,38 +124,9 @@ impl Service {
         let record = Record::new(start.run.clone(), &run.mission, run.time_limit_s, &by);
         job.file = inner.store.begin(record)?;
         log::info!("run {}: mission {}, started {}", run.run, run.mission, whose(&by));
-        {
-            let mut now = inner.now();
-            let begun = if now.stop_ns.is_some_and(|stop_ns| stop_ns >= asked_ns) {
-                Err(Refusal::new(Kind::Stopped, "a stop has come since the start was asked for")
-                    .hint("start it again, if it is still to drive"))
-            } else {
-                let begun = now.machine.start(MonotonicClock.now_ns(), run.clone());
-                begun.map_err(|other| busy(&other))
-            };
-            if let Err(refusal) = begun {
-                drop(now);
-                inner.store.take_back(&start.run);
-                return Err(refusal);
-            }
-            now.stopped_by = None;
-            now.missions_lights = mission.switches_lights();
-        }
+        self.enter(&run, &mission, asked_ns).inspect_err(|_| inner.store.take_back(&start.run))?;
         inner.changed.notify_all();
-        let begun = RunProcess::start(&inner.program, &job)
-            .map_err(|error| with_causes(&error))
-            .and_then(|process| {
-                let mut now = inner.now();
-                let stop = Stop::Ours(process.stopper());
-                if let Some((by, _)) = now.stopped_by {
-                    // A stop came before the process was there.
-                    stop.ask(by);
-                }
-                now.stop = Some(stop);
-                drop(now);
-                self.follow(process, &run).map_err(|error| with_causes(&error))
-            });
-        if let Err(why) = begun {
+        if let Err(why) = self.launch(&job, &run) {
             let refused = StopReason::Refused.with(why.clone());
             let last = LastStop::new(Some(start.run.clone()), &run.mission, refused);
             inner.now().stop = None;
@@ -164,6 +135,36 @@ impl Service {
             return Err(Refusal::new(Kind::Failed, why));
         }
         Ok(Started { run: start.run.clone(), repeated: false })
+    }
+
+    /// The state takes the run, unless a stop has come since it was asked for.
+    fn enter(&self, run: &RunStatus, mission: &Mission, asked_ns: i64) -> Result<(), Refusal> {
+        let mut now = self.inner.now();
+        if now.stop_ns.is_some_and(|stop_ns| stop_ns >= asked_ns) {
+            let message = "a stop has come since the start was asked for";
+            return Err(Refusal::new(Kind::Stopped, message)
+                .hint("start it again, if it is still to drive"));
+        }
+        let begun = now.machine.start(MonotonicClock.now_ns(), run.clone());
+        begun.map_err(|other| busy(&other))?;
+        now.stopped_by = None;
+        now.missions_lights = mission.switches_lights();
+        Ok(())
+    }
+
+    /// Starts the run's processes; why that was not to be done.
+    fn launch(&self, job: &Job, run: &RunStatus) -> Result<(), String> {
+        let process =
+            RunProcess::start(&self.inner.program, job).map_err(|error| with_causes(&error))?;
+        let mut now = self.inner.now();
+        let stop = Stop::Ours(process.stopper());
+        if let Some((by, _)) = now.stopped_by {
+            // A stop came before the process was there.
+            stop.ask(by);
+        }
+        now.stop = Some(stop);
+        drop(now);
+        self.follow(process, run).map_err(|error| with_causes(&error))
     }
 
     /// Stops a run, and waits until the motors have been told. One that stops whatever runs is also
@@ -279,10 +280,10 @@ impl Service {
     /// The mission of a start that is in order, and what its run is to do.
     fn prepared(&self, start: &Start) -> Result<(Mission, Job), Refusal> {
         let inner = &self.inner;
-        let robot = missions::robot(&inner.config.robot)
+        let (robot_source, robot) = missions::robot(&inner.config.robot)
             .map_err(|why| Refusal::new(Kind::NotReady, why))?;
         let source = missions::choose(&inner.config.missions, &start.mission)?;
-        let mut mission = missions::load(&source, &robot.config.capabilities())?;
+        let mut mission = missions::load(&source, &robot.capabilities())?;
         let mut set = start.set.clone();
         for (name, value) in &set {
             mission.set(name, *value).map_err(|error| {
@@ -317,15 +318,9 @@ impl Service {
             name: Some(inner.name.to_string()),
             no_button: start.no_button,
             when_abandoned: inner.config.when_service_dies,
-            ..Job::new(source, robot.source, brick, file)
+            ..Job::new(source, robot_source, brick, file)
         };
         Ok((mission, job))
-    }
-
-    /// The state, for those who follow it here.
-    #[must_use]
-    pub fn state(&self) -> State {
-        self.inner.now().machine.state()
     }
 }
 

@@ -33,7 +33,7 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 use nix::fcntl::Flock;
 
@@ -41,6 +41,7 @@ use super::digest::sha256_hex_of;
 use crate::protocol::{
     Disk, Fetch, Fetched, Kind, LastStop, MAX_FETCH_BYTES, Refusal, RunId, RunInfo,
 };
+use crate::threads::lock;
 
 mod files;
 mod record;
@@ -255,7 +256,7 @@ impl Store {
 
     /// Writes what the disk did not take before.
     pub(super) fn save(&self) {
-        let _one_at_a_time = self.saving.lock().unwrap_or_else(PoisonError::into_inner);
+        let _one_at_a_time = lock(&self.saving);
         let unsaved: Vec<Record> = self
             .index()
             .runs
@@ -430,7 +431,7 @@ impl Store {
     }
 
     fn index(&self) -> MutexGuard<'_, Index> {
-        self.index.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.index)
     }
 }
 

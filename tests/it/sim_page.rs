@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, VirtualClock};
 use onbrick::ev3dev::{StopAction, TachoCommand, TachoMotor, Tree};
-use onbrick::report::live::{Board, LivePage, PageError, Sources};
+use onbrick::report::live::{Board, LocalPage, PageError, Sources};
 use onbrick::sim::{Button, MarkKind, Simulation, World, WorldPhysics, still};
 
 use crate::support::browser::{act, browse, number};
@@ -49,15 +49,15 @@ impl Driven {
 }
 
 /// The page of a simulation alone, as `onbrick sim --page` has it.
-fn page_of(simulation: &Simulation, port: u16) -> Result<LivePage, PageError> {
+fn page_of(simulation: &Simulation, port: u16) -> Result<LocalPage, PageError> {
     let (title, simulation) = ("arena".to_owned(), Some(simulation.clone()));
     let board = Board::default();
     board.show(Sources { title, simulation, ..Sources::default() });
-    LivePage::serve(&board, port, &[], |_| ())
+    board.serve(port, &[], |_| ())
 }
 
 /// The answer to a request as it comes over the wire.
-fn ask(page: &LivePage, request: &str) -> String {
+fn ask(page: &LocalPage, request: &str) -> String {
     let url = page.url();
     let address = url.trim_start_matches("http://").trim_end_matches('/');
     let mut stream = TcpStream::connect(address).unwrap();
@@ -67,7 +67,7 @@ fn ask(page: &LivePage, request: &str) -> String {
     answer
 }
 
-fn get(page: &LivePage, path: &str) -> String {
+fn get(page: &LocalPage, path: &str) -> String {
     ask(page, &format!("GET {path} HTTP/1.1\r\nHost: localhost:1\r\nConnection: close\r\n\r\n"))
 }
 
@@ -140,7 +140,7 @@ fn a_page_is_for_this_machine_and_changes_nothing_else() {
     let port: u16 = page.url().trim_end_matches('/').rsplit(':').next().unwrap().parse().unwrap();
     let taken = page_of(&driven.simulation, port).unwrap_err();
     assert!(matches!(taken, PageError::Bind { port: found, .. } if found == port), "{taken}");
-    let url = page.url();
+    let url = page.url().to_owned();
     drop(page);
     let address = url.trim_start_matches("http://").trim_end_matches('/');
     // The server's own thread lets the port go a moment after it was told.
@@ -233,7 +233,7 @@ fn a_browser_sees_the_room_and_the_robot_drive_through_it() {
     let driven = driven("arena", 1, Arc::new(MonotonicClock));
     let page = page_of(&driven.simulation, 0).unwrap();
     driven.simulation.control(0, "in4 stuck").unwrap();
-    let Some(dom) = browse(&page.url(), &["--dump-dom"]) else { return };
+    let Some(dom) = browse(page.url(), &["--dump-dom"]) else { return };
     let walls = World::named("arena").unwrap().outlines().len();
     assert_eq!(number(&dom, "walls"), f64::from(u32::try_from(walls).unwrap()));
     assert_eq!(number(&dom, "robots"), 1.0);
@@ -259,7 +259,7 @@ fn a_browser_presses_a_key_of_the_brick() {
     let driven = driven("arena", 1, Arc::new(MonotonicClock));
     let page = page_of(&driven.simulation, 0).unwrap();
     let seen = act(
-        &page.url(),
+        page.url(),
         (800, 640),
         &[],
         "const key = await until(() => document.querySelector('[data-button=enter]')); \
@@ -288,11 +288,11 @@ fn a_browser_shows_a_simulation_in_virtual_time() {
     assert_eq!(driven.clock.now_ns(), 13 * SECOND_NS);
     let folder = tempfile::tempdir().unwrap();
     let picture = folder.path().join("page.png");
-    let Some(_) = browse(&page.url(), &[&format!("--screenshot={}", picture.display())]) else {
+    let Some(_) = browse(page.url(), &[&format!("--screenshot={}", picture.display())]) else {
         return;
     };
     keep("page.png", &std::fs::read(&picture).unwrap());
-    let Some(dom) = browse(&page.url(), &["--dump-dom"]) else { return };
+    let Some(dom) = browse(page.url(), &["--dump-dom"]) else { return };
     assert!((number(&dom, "time") - 13.0).abs() < 0.01);
     let view = driven.simulation.view(0).unwrap();
     let echoes = view.marks.iter().filter(|mark| mark.kind == MarkKind::Echo).count();

@@ -1,6 +1,6 @@
 //! `onbrick bricks`: who is known, who is there, and who makes itself known.
 
-use super::remote::{Bricks, PATIENCES_S, Unnamed, unnamed};
+use super::remote::{Bricks, PATIENCES_S, Unnamed};
 use super::status::word;
 use crate::cli::common::number_within;
 use crate::cli::{Context, Exit, Failure, Output};
@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     for (brick, answer) in asking.ask(|client, _| client.status()) {
         let (how, state) = match answer {
             Ok(status) => (word(status.state).to_owned(), Some(status.state)),
-            Err(failure) => (unnamed(&brick, &failure).to_owned(), None),
+            Err(failure) => (failure.message, None),
         };
         let fingerprint = brick.key.fingerprint();
         output.show(

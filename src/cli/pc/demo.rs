@@ -18,7 +18,7 @@ use crate::mapping::{Method, Pose, stats};
 use crate::recording::Run;
 use crate::robot::RobotConfig;
 use crate::runtime::{Brick, Job, NoHeartbeat, Source, execute};
-use crate::sim::{World, covered};
+use crate::sim::covered;
 use crate::units::{count, counted, degrees, wrap_rad};
 
 /// Let a simulated robot explore a room of cinder blocks, come home, and draw the map it makes.
@@ -80,7 +80,7 @@ struct Quality {
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let (world, start) = load_world(&arguments.world)?;
-    let robot = load_robot(None, output)?;
+    let robot = load_robot(None)?;
     let folder = RunFolder::of_demo(arguments.out.as_deref())?;
     let mission = Source {
         name: format!("{}.toml", arguments.mission),
@@ -169,7 +169,7 @@ fn shipped(text: &str) -> Result<String, String> {
 }
 
 fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
-    let (world, _) = World::parse(&world.name, world.text.as_bytes())?;
+    let (world, _) = world.world()?;
     let run = &loaded.run;
     let points = run.points_now();
     let mut distances: Vec<f64> = points

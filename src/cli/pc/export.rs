@@ -78,7 +78,7 @@ fn write_all(
     for (name, bytes) in files {
         let path = folder.join(name);
         write_file(&path, &bytes)?;
-        output.show(format!("wrote {}", path.display()), &serde_json::json!({ "wrote": path }));
+        output.wrote(&path);
     }
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure};
+use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure, named};
 use super::watch::Watch;
 use crate::cli::common::make_folder;
 use crate::cli::output::safe;
@@ -10,7 +10,7 @@ use crate::cli::{Exit, Failure, Output};
 use crate::link::client::{MOST_BYTES, file_so_far};
 use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
 use crate::protocol::RunId;
-use crate::report::live::{Board, LivePage, Sources};
+use crate::report::live::{Board, Sources};
 use crate::units::counted;
 
 /// Fetch recordings from bricks, byte for byte. The next call resumes a download that was cut; a
@@ -51,8 +51,7 @@ pub(in crate::cli) struct Arguments {
 struct Brought {
     run: RunId,
     file: String,
-    bytes: u64,
-    was_there: bool,
+    progress: FetchProgress,
 }
 
 impl Arguments {
@@ -64,7 +63,7 @@ impl Arguments {
 impl Brought {
     /// Bytes that had to come.
     fn came(&self) -> u64 {
-        if self.was_there { 0 } else { self.bytes }
+        if self.progress.was_there { 0 } else { self.progress.bytes }
     }
 }
 
@@ -84,7 +83,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             let one = match bring(client, &run, &arguments.out.out, left, &mut |_| {}) {
                 // The other runs are fetched nevertheless.
                 Err(error @ (ClientError::OtherRecording { .. } | ClientError::Taken { .. })) => {
-                    Err(failure(brick, &error))
+                    Err(named(brick, failure(brick, &error)))
                 }
                 one => Ok(one?),
             };
@@ -130,27 +129,22 @@ fn bring(
     watch: &mut dyn FnMut(&FetchProgress),
 ) -> Result<Brought, ClientError> {
     let file = out.join(format!("{run}.mcap"));
-    let shown = file.display().to_string();
     client.take_at_most(most_bytes);
     let progress = client.fetch(run, &file, watch)?;
-    Ok(Brought {
-        run: run.clone(),
-        file: shown,
-        bytes: progress.bytes,
-        was_there: progress.was_there,
-    })
+    Ok(Brought { run: run.clone(), file: file.display().to_string(), progress })
 }
 
 fn show(brick: &KnownBrick, brought: &Brought, output: &mut Output) {
-    let already = if brought.was_there { " (was there already)" } else { "" };
+    let FetchProgress { bytes, was_there, .. } = brought.progress;
+    let already = if was_there { " (was there already)" } else { "" };
     output.show(
-        format!("{}: {}, {}{already}", brick.name, brought.file, counted(brought.bytes, "byte")),
+        format!("{}: {}, {}{already}", brick.name, brought.file, counted(bytes, "byte")),
         &serde_json::json!({
             "brick": brick.name,
             "run": brought.run,
             "file": brought.file,
-            "bytes": brought.bytes,
-            "was_there": brought.was_there,
+            "bytes": bytes,
+            "was_there": was_there,
         }),
     );
 }
@@ -162,9 +156,9 @@ fn follow(
     brick: &KnownBrick,
     output: &mut Output,
 ) -> Result<(), Failure> {
-    let failed = |error: &ClientError| failure(brick, error);
-    let mut client = asking.client(brick).map_err(|error| failed(&error))?;
-    let found = runs(&mut client, arguments).map_err(|error| failed(&error))?;
+    let failed = |error: ClientError| named(brick, failure(brick, &error));
+    let mut client = asking.client(brick).map_err(failed)?;
+    let found = runs(&mut client, arguments).map_err(failed)?;
     let [run] = found.as_slice() else {
         return Err(Failure::refused(format!("{}: one run can be followed at a time", brick.name))
             .hint("onbrick runs, then --run RUN"));
@@ -173,7 +167,7 @@ fn follow(
     let title = format!("{}: {run}", brick.name);
     let board = Board::default();
     board.show(Sources { title, recording, ..Sources::default() });
-    let page = LivePage::serve(&board, arguments.page, &[], |_| ())?;
+    let page = board.serve(arguments.page, &[], |_| ())?;
     output
         .show(format!("the map is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
     let watch = Watch::of(run);
@@ -191,7 +185,7 @@ fn follow(
         watch.end();
         brought
     });
-    show(brick, &brought.map_err(|error| failed(&error))?, output);
+    show(brick, &brought.map_err(failed)?, output);
     Ok(())
 }
 

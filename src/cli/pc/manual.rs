@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::Command;
 use clap_complete::Shell;
 
-use crate::cli::common::write_file;
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::common::{make_folder, write_file};
+use crate::cli::{Exit, Failure, Hint, Output};
 
 /// Write the manual's pages, and completions for bash, zsh and fish, into the places below a folder
 /// where they are looked for.
@@ -32,7 +32,7 @@ const SHELLS: [(Shell, &str); 3] = [
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let described = crate::cli::described();
     let pages = arguments.folder.join("share/man/man1");
-    make_folder(&pages)?;
+    make_folder(Exit::Failed, &pages).hint(OWN)?;
     clap_mangen::generate_to(described.clone(), &pages).map_err(cannot_write(&pages))?;
     for page in std::fs::read_dir(&pages).map_err(cannot_write(&pages))?.flatten() {
         let text = std::fs::read_to_string(page.path()).map_err(cannot_write(&page.path()))?;
@@ -40,7 +40,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     for (shell, place) in SHELLS {
         let path = arguments.folder.join(place);
-        path.parent().map_or(Ok(()), make_folder)?;
+        let folder = path.parent().unwrap_or(&arguments.folder);
+        make_folder(Exit::Failed, folder).hint(OWN)?;
         let mut text = Vec::new();
         clap_complete::generate(shell, &mut without_hidden(&described), "onbrick", &mut text);
         write_file(&path, &text)?;
@@ -81,14 +82,9 @@ fn without_hidden(command: &Command) -> Command {
     }
 }
 
-fn make_folder(folder: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder).map_err(cannot_write(folder))
-}
+const OWN: &str = "a folder that you may write to, such as ~/.local";
 
 fn cannot_write(path: &Path) -> impl FnOnce(std::io::Error) -> Failure {
     let doing = format!("cannot write {}", path.display());
-    move |error| {
-        Failure::from_error(Exit::Failed, &doing, &error)
-            .hint("a folder that you may write to, such as ~/.local")
-    }
+    move |error| Failure::from_error(Exit::Failed, &doing, &error).hint(OWN)
 }

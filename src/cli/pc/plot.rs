@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum as _;
+
 use super::scene::scene_of;
 use crate::cli::common::{LoadedRun, open_run, write_file};
 use crate::cli::{Exit, Failure, Output};
@@ -45,10 +47,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     };
     let bytes = bytes.map_err(|error| Failure::from_error(Exit::Failed, "cannot draw", &error))?;
     write_file(&arguments.output, &bytes)?;
-    output.show(
-        format!("wrote {}", arguments.output.display()),
-        &serde_json::json!({ "wrote": arguments.output }),
-    );
+    output.wrote(&arguments.output);
     Ok(())
 }
 
@@ -91,8 +90,8 @@ fn chart(
     })
 }
 
-/// What kind of picture a file's name asks for.
-#[derive(Debug, Clone, Copy)]
+/// What kind of picture a file's name asks for, by its ending.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Kind {
     Svg,
     Png,
@@ -103,18 +102,11 @@ enum Kind {
 
 impl Kind {
     fn of(file: &Path) -> Result<Self, Failure> {
-        let ending = file.extension().map(|ending| ending.to_string_lossy().to_lowercase());
-        match ending.as_deref() {
-            Some("svg") => Ok(Self::Svg),
-            Some("png") => Ok(Self::Png),
-            Some("pdf") => Ok(Self::Pdf),
-            Some("html") => Ok(Self::Html),
-            Some("dxf") => Ok(Self::Dxf),
-            _ => Err(Failure::new(
-                Exit::Usage,
-                format!("what kind of picture is {}?", file.display()),
-            )
-            .hint("a name that ends in .svg, .png, .pdf or .html; .dxf for the walls alone")),
-        }
+        let ending = file.extension().unwrap_or_default().to_string_lossy();
+        Self::from_str(&ending, true).map_err(|_| {
+            let message = format!("what kind of picture is {}?", file.display());
+            Failure::new(Exit::Usage, message)
+                .hint("a name that ends in .svg, .png, .pdf or .html; .dxf for the walls alone")
+        })
     }
 }

@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use serde::Serialize;
 
 use crate::behavior::Capabilities;
-use crate::cli::common::{load_mission, read_source, warn};
+use crate::cli::common::{load_mission, read_own, warn};
 use crate::cli::{Context, Exit, Failure, Hint, Output};
 use crate::link::{KnownBrick, KnownBricks, key_folder};
 
@@ -90,10 +90,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 /// Reads and checks one mission. What devices the brick has, only the brick knows; it checks again
 /// when the mission is started.
 fn parcel(path: &std::path::Path) -> Result<Parcel, Failure> {
-    let source = read_source(path, |_| None).map_err(|failure| match path.is_file() {
-        true => failure,
-        false => failure.hint("a mission's file; onbrick new mission FILE writes one"),
-    })?;
+    let source = read_own(path, "a mission's file; onbrick new mission FILE writes one")?;
     let source = source.with_submachines(path.parent());
     let (_, warnings) = load_mission(&source, &Capabilities::all())?;
     warn(&warnings);

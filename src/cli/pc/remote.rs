@@ -14,7 +14,7 @@ use crate::cli::{Exit, Failure, Output};
 use crate::document::nearest;
 use crate::link::client::PATIENCE_S;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, KnownBricks, Patience, Team};
-use crate::protocol::Kind;
+use crate::protocol::{Kind, Refusal};
 use crate::units::counted;
 
 /// Which bricks, and how long they may take.
@@ -64,7 +64,7 @@ pub(super) struct Asking {
     pub(super) bricks: Vec<KnownBrick>,
 }
 
-/// One brick's answer.
+/// One brick's answer; a failure's message does not name the brick.
 pub(super) type Answer<T> = (KnownBrick, Result<T, Failure>);
 
 /// How long an absent brick may hold up a list, seconds.
@@ -205,9 +205,9 @@ pub(super) fn conclude<T>(
     for (brick, answer) in answers {
         match answer {
             Ok(answer) => show(output, &brick, answer),
-            Err(failure) if asked == 1 => return Err(failure),
+            Err(failure) if asked == 1 => return Err(named(&brick, failure)),
             Err(failure) => {
-                let (error, exit) = (unnamed(&brick, &failure), failure.exit as u8);
+                let (error, exit) = (&failure.message, failure.exit as u8);
                 output.show(
                     format!("{}: {error}", brick.name),
                     &serde_json::json!({ "brick": brick.name, "error": error, "exit": exit }),
@@ -225,46 +225,50 @@ pub(super) fn conclude<T>(
     Err(Failure { hint, ..Failure::new(exit, message) })
 }
 
-/// What a brick's failure says, without the brick's name: for lines that begin with it.
-pub(super) fn unnamed<'f>(brick: &KnownBrick, failure: &'f Failure) -> &'f str {
-    let message = failure.message.as_str();
-    let named = message.strip_prefix(brick.name.as_str());
-    named.and_then(|rest| rest.strip_prefix(": ")).unwrap_or(message)
+/// A brick's failure that is shown by itself: with the brick's name.
+pub(super) fn named(brick: &KnownBrick, failure: Failure) -> Failure {
+    Failure { message: format!("{}: {}", brick.name, failure.message), ..failure }
 }
 
-/// A brick that did not do what it was asked.
+/// A brick that did not do what it was asked, without its name.
 pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
-    let (name, message) = (&brick.name, crate::printable::with_causes(error));
-    match error {
-        ClientError::NoAnswer { .. } => Failure::new(Exit::NoAnswer, format!("{name}: {message}"))
-            .hint(
-                "is it switched on, in this network, and serving? onbrick bricks shows who \
-                 is there",
-            ),
-        ClientError::NotAuthorised { .. } => Failure::refused(format!("{name}: {message}"))
-            .hint(format!("onbrick pair {}", brick.address)),
-        ClientError::AnotherKey { .. } => Failure::refused(format!("{name}: {message}"))
-            .hint(format!("onbrick pair {} again, if it was set up from scratch", brick.address)),
-        ClientError::Refused(refusal) => {
-            let failure = Failure::refused(format!("{name}: {message}"));
-            match (&refusal.hint, refusal.kind) {
-                (Some(hint), _) => failure.hint(hint.clone()),
-                (None, Kind::BrokenMission) => failure.hint(
-                    "onbrick check, which says the same of a file here; with --robot, the \
-                         brick's robot.toml, also what the robot lacks",
-                ),
-                (None, _) => failure,
-            }
-        }
-        ClientError::Taken { .. } => Failure::refused(format!("{name}: {message}"))
-            .hint("wait for the other one, or -o with another folder"),
-        ClientError::OtherRecording { .. } => Failure::refused(format!("{name}: {message}"))
-            .hint("-o with another folder, such as one for each brick; both are kept then"),
-        ClientError::TooLong { .. } => Failure::refused(format!("{name}: {message}")).hint(
-            "onbrick runs, which tells how long its runs are; onbrick fetch --most-mb takes more",
+    let message = crate::printable::with_causes(error);
+    let (exit, hint) = match error {
+        ClientError::NoAnswer { .. } => (
+            Exit::NoAnswer,
+            "is it switched on, in this network, and serving? onbrick bricks shows who is there"
+                .to_owned(),
         ),
-        _ => Failure::new(Exit::Failed, format!("{name}: {message}")),
-    }
+        ClientError::NotAuthorised { .. } => {
+            (Exit::Refused, format!("onbrick pair {}", brick.address))
+        }
+        ClientError::AnotherKey { .. } => (
+            Exit::Refused,
+            format!("onbrick pair {} again, if it was set up from scratch", brick.address),
+        ),
+        ClientError::Refused(Refusal { hint: Some(hint), .. }) => (Exit::Refused, hint.clone()),
+        ClientError::Refused(Refusal { kind: Kind::BrokenMission, .. }) => (
+            Exit::Refused,
+            "onbrick check, which says the same of a file here; with --robot, the brick's \
+             robot.toml, also what the robot lacks"
+                .to_owned(),
+        ),
+        ClientError::Taken { .. } => {
+            (Exit::Refused, "wait for the other one, or -o with another folder".to_owned())
+        }
+        ClientError::OtherRecording { .. } => (
+            Exit::Refused,
+            "-o with another folder, such as one for each brick; both are kept then".to_owned(),
+        ),
+        ClientError::TooLong { .. } => (
+            Exit::Refused,
+            "onbrick runs, which tells how long its runs are; onbrick fetch --most-mb takes more"
+                .to_owned(),
+        ),
+        ClientError::Refused(_) => return Failure::refused(message),
+        _ => return Failure::new(Exit::Failed, message),
+    };
+    Failure::new(exit, message).hint(hint)
 }
 
 /// A folder to put recordings into.
@@ -286,13 +290,15 @@ mod tests {
         let brick = KnownBrick { name: "vm".to_owned(), address: "10.0.0.7".to_owned(), key };
         let fail = || failure(&brick, &ClientError::AnotherKey { address: "10.0.0.7".to_owned() });
         let failed = fail();
-        assert!(failed.message.starts_with("vm: what answers"), "{failed:?}");
+        assert!(failed.message.starts_with("what answers"), "{failed:?}");
         let mut output = Output::new(false);
+        let alone = vec![(brick.clone(), Err::<(), _>(fail()))];
+        let alone = conclude(alone, &mut output, |_, _, ()| {}).unwrap_err();
+        assert!(alone.message.starts_with("vm: what answers"), "{alone:?}");
         let answers = vec![(brick.clone(), Err::<(), _>(fail())), (brick.clone(), Ok(()))];
         let all = conclude(answers, &mut output, |_, _, ()| {}).unwrap_err();
         assert_eq!(all.message, "1 of 2 bricks did not do it");
         // The way out is not lost.
         assert_eq!(all.hint, failed.hint);
-        assert!(unnamed(&brick, &failed).starts_with("what answers"), "{failed:?}");
     }
 }

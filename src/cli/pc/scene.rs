@@ -5,7 +5,6 @@ use std::path::Path;
 use crate::cli::common::{LoadedRun, write_file};
 use crate::cli::{Context, Exit, Failure};
 use crate::printable;
-use crate::recording::Run;
 use crate::report::{Scene, Track, export, plot};
 use crate::sim::{Room, World};
 use crate::units::{counted, degrees};
@@ -24,7 +23,7 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
         log::info!("{}: {stand} of {all} {are} of what stands", track.name);
     }
     scene.find_walls();
-    let worlds: Vec<World> = runs.iter().filter_map(|loaded| world_of(&loaded.run)).collect();
+    let worlds: Vec<World> = runs.iter().filter_map(|loaded| loaded.run.world()).collect();
     let mut names: Vec<&str> = Vec::new();
     add_new(&mut names, worlds.iter().map(World::name));
     if names.len() > 1 {
@@ -120,10 +119,4 @@ pub(super) fn draw(folder: &Path, scene: &Scene) -> Result<(), Failure> {
         ("path.csv", export::path_csv(&scene.tracks).into_bytes()),
     ];
     files.iter().try_for_each(|(name, bytes)| write_file(&folder.join(name), bytes))
-}
-
-/// The world that is in a recording.
-fn world_of(run: &Run) -> Option<World> {
-    let text = run.world_toml.as_ref()?;
-    World::parse("world.toml of the recording", text.as_bytes()).ok().map(|(world, _)| world)
 }

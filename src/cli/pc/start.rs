@@ -3,10 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::remote::{Bricks, Unnamed, conclude};
-use crate::cli::common::{pose, read_bounded, setting};
+use crate::cli::common::{pose, read_own, setting};
 use crate::cli::{Failure, Output};
 use crate::protocol::{Chosen, MAX_MISSION_BYTES};
-use crate::runtime::Source;
 
 /// Start a mission on a brick: one that it has, by name, or a file of yours, which it checks as its
 /// own and keeps with the run.
@@ -64,17 +63,13 @@ pub(super) fn chosen(mission: &Path) -> Result<Chosen, Failure> {
     if !names_a_file(mission) {
         return Ok(Chosen::Name(mission.to_string_lossy().into_owned()));
     }
-    let shown = mission.display();
-    let bytes = read_bounded(mission).map_err(|failure| {
-        failure.hint("a file that is there, or the name of a mission that the brick has")
-    })?;
-    let text = String::from_utf8(bytes)
-        .map_err(|_| Failure::refused(format!("{shown} is not text (not UTF-8)")))?;
-    let source = Source { name: shown.to_string(), text }.with_submachines(mission.parent());
+    const WAY_OUT: &str = "a file that is there, or the name of a mission that the brick has";
+    let source = read_own(mission, WAY_OUT)?.with_submachines(mission.parent());
     if source.text.len() > MAX_MISSION_BYTES {
         let message = format!(
-            "{shown} has, with its sub-machines, more than the {MAX_MISSION_BYTES} bytes that a \
-             brick takes over the network"
+            "{} has, with its sub-machines, more than the {MAX_MISSION_BYTES} bytes that a brick \
+             takes over the network",
+            source.name
         );
         return Err(Failure::refused(message).hint("copy it into the brick's folder of missions"));
     }

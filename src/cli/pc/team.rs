@@ -17,7 +17,7 @@ use crate::link::Team;
 use crate::protocol::Chosen;
 use crate::runtime::Source;
 
-mod check;
+pub(super) mod check;
 mod drive;
 mod gather;
 

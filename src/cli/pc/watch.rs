@@ -1,13 +1,14 @@
 //! A run on a brick, watched beside its fetch: how it is going, and what the brick's clock says.
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 use super::remote::Asking;
 use super::status::word;
 use crate::clock::{Clock as _, MonotonicClock, SECOND_NS, nanoseconds, seconds, wall_ns};
 use crate::link::KnownBrick;
 use crate::protocol::{RunId, State, Status};
+use crate::threads::lock;
 use crate::units::counted;
 
 /// How often the brick is asked, nanoseconds.
@@ -90,7 +91,7 @@ impl Watch {
     fn note(&self, status: Option<Status>, asked_ns: i64, answered_ns: i64) {
         let began =
             status.as_ref().and_then(|status| Began::of(status, &self.run, asked_ns, answered_ns));
-        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut seen = lock(&self.seen);
         (seen.status, seen.looked) = (status, true);
         // The quickest answer says it best.
         seen.began = [seen.began, began].into_iter().flatten().min_by_key(|began| began.within_ns);
@@ -103,7 +104,7 @@ impl Watch {
 
     /// How the brick was last; nothing where it did not answer.
     pub(super) fn status(&self) -> Option<Status> {
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner).status.clone()
+        lock(&self.seen).status.clone()
     }
 
     /// How the run is going, where the brick tells that.
@@ -113,7 +114,7 @@ impl Watch {
 
     /// When the run began to drive, where that was seen.
     pub(super) fn began(&self) -> Option<Began> {
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner).began
+        lock(&self.seen).began
     }
 
     /// Which run.
@@ -133,7 +134,7 @@ impl Watch {
     /// State, metres, points, battery.
     pub(super) fn line(&self) -> String {
         let Some(status) = self.status() else {
-            let looked = self.seen.lock().unwrap_or_else(PoisonError::into_inner).looked;
+            let looked = lock(&self.seen).looked;
             return if looked { "the brick does not answer" } else { "asked to start" }.to_owned();
         };
         let battery = status.battery_v.map(|volts| format!(", {volts:.1} V")).unwrap_or_default();

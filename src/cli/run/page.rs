@@ -8,7 +8,7 @@
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, mpsc};
 
 use super::super::common::Progress;
 use super::super::folder::next_to;
@@ -20,10 +20,11 @@ use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, PacedClock};
 use crate::ev3dev::{Access, Tree};
 use crate::menu::{Canvas, ended_picture, running_picture};
 use crate::protocol::{LastStop, RunId, RunStatus};
-use crate::report::live::{Board, LivePage, Sources, Wish};
+use crate::report::live::{Board, Sources, Wish};
 use crate::runtime::{Brick, Ended, Event, Job, NoHeartbeat, StopBy, StopFlags, Stopper, execute};
 use crate::sim::Simulation;
 use crate::simulated::{Simulated, simulated_at};
+use crate::threads::lock;
 
 /// How often it is looked whether the page is done with, nanoseconds.
 const LOOK_NS: i64 = 50 * MILLISECOND_NS;
@@ -38,11 +39,10 @@ pub(super) fn run(port: u16, arguments: &Arguments, output: &mut Output) -> Resu
         Brick::Local(_) => &[Wish::Stop],
     };
     let grant = hand.clone();
-    let page =
-        LivePage::serve(&board, port, granted, move |wish| grant.grant(wish)).map_err(|error| {
-            next.folder.take_back();
-            Failure::from(error)
-        })?;
+    let page = board.serve(port, granted, move |wish| grant.grant(wish)).map_err(|error| {
+        next.folder.take_back();
+        Failure::from(error)
+    })?;
     let url = page.url();
     output.show(
         format!("the run is at {url}; Ctrl-C ends run and page"),
@@ -243,7 +243,7 @@ impl Hand {
     }
 
     fn stopper(&self) -> MutexGuard<'_, Option<Stopper>> {
-        self.stopper.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.stopper)
     }
 
     /// Ctrl-C.

@@ -67,27 +67,7 @@ pub(super) fn run(
     arguments: &Arguments,
     output: &mut Output,
 ) -> Result<(), Failure> {
-    if arguments.robot.is_some() {
-        let robot = living.config.robot.display();
-        return Err(Failure::new(
-            Exit::Usage,
-            "--robot does not go with the service that lives on this brick",
-        )
-        .hint(format!(
-            "put the robot's file at {robot}, or stop the service (systemctl stop onbrick)"
-        )));
-    }
-    #[cfg(feature = "host")]
-    if arguments.page.is_some() {
-        let message = "--page does not go with the service that lives on this brick";
-        return Err(Failure::new(Exit::Usage, message)
-            .hint("onbrick fetch --follow on a PC, which shows the same page"));
-    }
-    if arguments.brick.files.has_streams_elsewhere() {
-        let message = "--buttons and --speaker do not go with the service that lives on this brick";
-        return Err(Failure::new(Exit::Usage, message)
-            .hint("give them to onbrick serve, or stop the service (systemctl stop onbrick)"));
-    }
+    refuse_unfit(&living, arguments)?;
     let source = read_mission(&own_mission(&living.config, &arguments.mission))?;
     if source.text.len() > MAX_MISSION_BYTES {
         return Err(Failure::refused(format!(
@@ -131,6 +111,35 @@ pub(super) fn run(
     progress.iter().for_each(Progress::finish);
     happenings.tell(output);
     finish(living, &run, last?, folder.as_ref(), output)
+}
+
+/// Refuses options that do not go with a service.
+fn refuse_unfit(living: &Living, arguments: &Arguments) -> Result<(), Failure> {
+    let robot = living.config.robot.display();
+    let stop_it = "stop the service (systemctl stop onbrick)";
+    let unfit = [
+        #[cfg(feature = "host")]
+        (
+            arguments.page.is_some(),
+            "--page does not go",
+            "onbrick fetch --follow on a PC, which shows the same page".to_owned(),
+        ),
+        (
+            arguments.robot.is_some(),
+            "--robot does not go",
+            format!("put the robot's file at {robot}, or {stop_it}"),
+        ),
+        (
+            arguments.brick.files.has_streams_elsewhere(),
+            "--buttons and --speaker do not go",
+            format!("give them to onbrick serve, or {stop_it}"),
+        ),
+    ];
+    let Some((_, what, hint)) = unfit.into_iter().find(|(is_there, ..)| *is_there) else {
+        return Ok(());
+    };
+    let message = format!("{what} with the service that lives on this brick");
+    Err(Failure::new(Exit::Usage, message).hint(hint))
 }
 
 /// A name is first of all that of one of this brick's missions, as in its menu and from a PC; then

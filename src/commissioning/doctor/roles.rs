@@ -27,7 +27,7 @@ pub(super) fn file(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
         Ok(source) => source,
         Err(why) => return diagnosis.fail(CHECK, why, "onbrick setup writes one"),
     };
-    match RobotConfig::load(&source.name, source.text.as_bytes()) {
+    match source.robot() {
         Ok((config, warnings)) => {
             for warning in &warnings {
                 let place = format!("line {}: {}", warning.line, warning.message);

@@ -99,12 +99,6 @@ pub(super) struct Received {
     pub(super) bytes: Option<Vec<u8>>,
 }
 
-impl std::fmt::Debug for Connection {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Connection").field("stage", &self.stage).finish_non_exhaustive()
-    }
-}
-
 impl Connection {
     /// Begins to connect.
     pub(super) fn open(

@@ -102,12 +102,8 @@ pub(super) fn fetch(
             }
             End::Other => {
                 let message =
-                    "the recording that came does not have the hash that was named for it"
-                        .to_owned();
-                return Err(ClientError::NotUnderstood {
-                    address: line.address().to_owned(),
-                    message,
-                });
+                    "the recording that came does not have the hash that was named for it";
+                return Err(line.not_understood(message.to_owned()));
             }
         }
     }
@@ -305,10 +301,7 @@ impl<'l> Fetching<'l> {
             && usize::try_from(fetched.length).is_ok_and(|length| length == bytes.len());
         if !is_right {
             let message = format!("a piece at {} that was not asked for", fetched.offset);
-            return Err(ClientError::NotUnderstood {
-                address: self.line.address().to_owned(),
-                message,
-            });
+            return Err(self.line.not_understood(message));
         }
         // A recording that never ends would fill this machine's disk.
         let has_by_now =

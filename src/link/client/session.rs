@@ -41,9 +41,8 @@ const NAP: Duration = Duration::from_millis(NAP_MS as u64);
 const WORTH_A_WORD_NS: i64 = 2 * SECOND_NS;
 
 /// A line to one brick.
-#[derive(Debug)]
 pub(in crate::link) struct Session {
-    context: Context,
+    context: zmq::Context,
     written: String,
     address: Address,
     key: PublicKey,
@@ -63,11 +62,9 @@ pub(in crate::link) struct Session {
     has_said: bool,
 }
 
-struct Context(zmq::Context);
-
-impl std::fmt::Debug for Context {
+impl std::fmt::Debug for Session {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Context")
+        f.debug_struct("Session").field("address", &self.written).finish_non_exhaustive()
     }
 }
 
@@ -94,7 +91,7 @@ impl Session {
     ) -> Result<Self, ClientError> {
         curve::require()?;
         Ok(Self {
-            context: Context(zmq::Context::new()),
+            context: zmq::Context::new(),
             written: address.to_owned(),
             address: Address::parse(address, usual_port),
             key,
@@ -183,7 +180,7 @@ impl Session {
             return Ok(false);
         }
         let sent = self.connection.as_ref().map_or(Ok(false), |connection| connection.send(&json));
-        if !sent.map_err(ClientError::Socket)? {
+        if !sent? {
             self.connection = None;
             self.pause()?;
             return Ok(false);
@@ -195,7 +192,7 @@ impl Session {
     pub(super) fn receive(&mut self, until_ns: i64) -> Result<Waited, ClientError> {
         loop {
             let Some(connection) = &mut self.connection else { return Ok(Waited::Broken) };
-            if let Some(received) = connection.receive().map_err(ClientError::Socket)? {
+            if let Some(received) = connection.receive()? {
                 (self.heard_ns, self.has_said, self.backoff_ns) =
                     (MonotonicClock.now_ns(), false, 0);
                 if let Some((id, answer)) = self.taken(received) {
@@ -214,7 +211,7 @@ impl Session {
                 return Ok(Waited::Nothing);
             }
             if let Some(connection) = &self.connection {
-                connection.wait(left_ms.min(NAP_MS)).map_err(ClientError::Socket)?;
+                connection.wait(left_ms.min(NAP_MS))?;
             }
             self.check_patience()?;
         }
@@ -255,7 +252,7 @@ impl Session {
         serde_json::from_value(value).map_err(|error| self.not_understood(error.to_string()))
     }
 
-    fn not_understood(&self, message: String) -> ClientError {
+    pub(super) fn not_understood(&self, message: String) -> ClientError {
         ClientError::NotUnderstood { address: self.written.clone(), message }
     }
 
@@ -269,8 +266,8 @@ impl Session {
                 self.pause()?;
                 return Ok(false);
             };
-            let opened = Connection::open(&self.context.0, *to, self.key, &self.own);
-            self.connection = Some(opened.map_err(ClientError::Socket)?);
+            let opened = Connection::open(&self.context, *to, self.key, &self.own);
+            self.connection = Some(opened?);
         }
         loop {
             self.check_patience()?;
@@ -291,7 +288,7 @@ impl Session {
                     return Ok(false);
                 }
             }
-            connection.wait(NAP_MS).map_err(ClientError::Socket)?;
+            connection.wait(NAP_MS)?;
         }
     }
 

@@ -13,8 +13,9 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::{KeyError, PublicKey, Replace, make_folder, open, write_private};
+use super::{KeyError, PublicKey, make_folder, open};
 use crate::document::Document;
+use crate::document::save::write_private;
 use crate::protocol::Name;
 
 /// The folder of keys that may ask this machine.
@@ -65,7 +66,7 @@ impl Authorised {
         let name = Name::new(name)?;
         make_folder(&self.folder)?;
         let path = self.path(key);
-        write_private(&path, &format!("name = \"{name}\"\nkey = \"{key}\"\n"), Replace::Yes)?;
+        write_private(&path, &format!("name = \"{name}\"\nkey = \"{key}\"\n"))?;
         Ok(path)
     }
 

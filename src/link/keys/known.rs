@@ -14,8 +14,8 @@ use std::io;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
-use super::{KeyError, PublicKey, Replace, make_folder, write_private};
-use crate::document::save::quoted;
+use super::{KeyError, PublicKey, make_folder};
+use crate::document::save::{quoted, write_private};
 use crate::document::{Document, Item, Section};
 use crate::link::client::Address;
 use crate::printable::line;
@@ -135,7 +135,7 @@ impl KnownBricks {
         let (name, address, key) = (quoted(&brick.name), quoted(&brick.address), brick.key);
         text.push_str(&format!("\n[{name}]\naddress = {address}\nkey = \"{key}\"\n"));
         let fresh = Self::parse(now.path, text.as_bytes())?;
-        write_private(&fresh.path, &text, Replace::Yes)?;
+        write_private(&fresh.path, &text)?;
         *self = fresh;
         Ok(())
     }
@@ -210,6 +210,21 @@ mod tests {
         assert_eq!(known.find("blue"), None);
         let text = fs::read_to_string(&path).unwrap();
         assert!(text.starts_with(HEADER), "{text}");
+    }
+
+    #[test]
+    fn a_file_that_is_kept_elsewhere_stays_there_and_only_its_owner_reads_it() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let (folder, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let (link, kept) =
+            (folder.path().join("known_bricks"), elsewhere.path().join("my_known_bricks"));
+        fs::write(&kept, HEADER).unwrap();
+        std::os::unix::fs::symlink(&kept, &link).unwrap();
+        let mut known = KnownBricks::load(folder.path()).unwrap();
+        known.put(&brick("green", 3), None).unwrap();
+        assert!(link.symlink_metadata().unwrap().is_symlink());
+        assert!(fs::read_to_string(&kept).unwrap().contains("[\"green\"]"));
+        assert_eq!(fs::metadata(&kept).unwrap().permissions().mode() & 0o777, 0o600);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The brick's side of an introduction: the window, the one exchange that it takes, and what the
 //! person at the brick says.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use serde::Deserialize;
 
@@ -9,6 +9,7 @@ use super::{Hex, Number, Said, Side, Step, code, commitment, random};
 use crate::clock::{Clock as _, MonotonicClock, SECOND_NS};
 use crate::link::keys::{Authorised, PublicKey};
 use crate::protocol::{Id, Kind, Name, NotUnderstood, Pairing, Refusal, VERSION};
+use crate::threads::lock;
 
 /// The longest time that the window is open, seconds.
 const LONGEST_S: u32 = 600;
@@ -176,7 +177,7 @@ impl PairingWindow {
     }
 
     fn with<T>(&self, act: impl FnOnce(&mut Inner, i64) -> T) -> T {
-        let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut inner = lock(&self.inner);
         let now_ns = MonotonicClock.now_ns();
         inner.look_at_the_time(now_ns);
         act(&mut inner, now_ns)

@@ -14,6 +14,7 @@ use super::{LinkState, NAP_MS, ServerConfig, ServerError, Shared, zap};
 use crate::link::keys::{Authorised, KeyPair, PublicKey};
 use crate::link::pairing;
 use crate::protocol::{Kind, NotUnderstood, Operations, Outcome, Refusal, Request, parse};
+use crate::service::config::LinkConfig;
 
 /// Requests that may wait for their answer: of one connection, and of all.
 const MOST_WAITING_OF_ONE: usize = 16;
@@ -52,7 +53,7 @@ impl<'s> Front<'s> {
         let authorised = Authorised::below(&config.keys);
         let handler = zap::Handler::start(context, authorised.clone(), Arc::clone(&shared.window))?;
         let workers = Workers::start(context, &operations)?;
-        let endpoint = endpoint(&config.address, config.port);
+        let endpoint = endpoint(&config.listens.address, config.listens.port);
         let router = Router::open(context, &own, zap::REQUESTS, &endpoint)?;
         shared.port.store(router.port(), Ordering::Relaxed);
         log::info!("the link listens at {endpoint} with the key {}", own.public().fingerprint());
@@ -84,12 +85,12 @@ impl<'s> Front<'s> {
             self.open_or_close_pairing();
             self.wait()?;
             self.router.look_after();
-            while let Some(frames) = self.workers.done().map_err(ServerError::Socket)? {
+            while let Some(frames) = self.workers.done()? {
                 self.forget(&frames);
                 self.router.reply(frames);
             }
             for _ in 0..TAKEN_IN_ONE_TURN {
-                let Some(arrived) = self.router.receive().map_err(ServerError::Socket)? else {
+                let Some(arrived) = self.router.receive()? else {
                     break;
                 };
                 self.take(arrived)?;
@@ -107,7 +108,7 @@ impl<'s> Front<'s> {
         }
         match zmq::poll(&mut items, i64::from(NAP_MS)) {
             Ok(_) | Err(zmq::Error::EINTR) => Ok(()),
-            Err(error) => Err(ServerError::Socket(error)),
+            Err(error) => Err(error.into()),
         }
     }
 
@@ -182,7 +183,8 @@ impl<'s> Front<'s> {
         if !window.is_open() {
             self.pairing = None;
         } else if self.pairing.is_none() {
-            let endpoint = endpoint(&self.config.address, self.config.pairing_port);
+            let LinkConfig { address, pairing_port, .. } = &self.config.listens;
+            let endpoint = endpoint(address, *pairing_port);
             match Router::open(&self.context, &pairing::well_known(), zap::PAIRING, &endpoint) {
                 Ok(router) => {
                     self.shared.pairing_port.store(router.port(), Ordering::Relaxed);
@@ -197,7 +199,7 @@ impl<'s> Front<'s> {
         let Some(router) = &mut self.pairing else { return Ok(()) };
         router.look_after();
         for _ in 0..TAKEN_IN_ONE_TURN {
-            let Some(arrived) = router.receive().map_err(ServerError::Socket)? else { break };
+            let Some(arrived) = router.receive()? else { break };
             let bytes: &[u8] = arrived.payload.as_ref().map_or(&[], |payload| payload);
             let reply = match self.shared.window.answer_request(arrived.key, bytes) {
                 Ok((id, value)) => framed(arrived.envelope, Some(id), Outcome::Ok(value), None),

@@ -189,12 +189,6 @@ impl Limits {
         of_them.map(|(descriptor, _)| *descriptor).collect()
     }
 
-    /// How many connections there are.
-    #[cfg(test)]
-    fn count(&self) -> usize {
-        self.open.len()
-    }
-
     /// Addresses whose bucket is full again are as good as never seen.
     fn forget(&mut self, now_ns: i64) {
         if self.each.len() >= MOST_REMEMBERED {
@@ -234,7 +228,7 @@ mod tests {
         limits.closed(100);
         limits.closed(0);
         assert_eq!(limits.accepted(102, address(1), 0), Ok(()));
-        assert_eq!(limits.count(), MOST_OPEN_OF_ONE + 1);
+        assert_eq!(limits.open.len(), MOST_OPEN_OF_ONE + 1);
     }
 
     #[test]

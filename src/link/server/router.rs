@@ -63,13 +63,13 @@ impl Router {
         domain: &str,
         endpoint: &str,
     ) -> Result<Self, ServerError> {
-        let socket = context.socket(zmq::ROUTER).map_err(ServerError::Socket)?;
-        configure(&socket, own, domain).map_err(ServerError::Socket)?;
-        let monitor = Monitor::of(context, &socket).map_err(ServerError::Socket)?;
+        let socket = context.socket(zmq::ROUTER)?;
+        configure(&socket, own, domain)?;
+        let monitor = Monitor::of(context, &socket)?;
         socket
             .bind(endpoint)
             .map_err(|source| ServerError::Bind { endpoint: endpoint.to_owned(), source })?;
-        let bound = socket.get_last_endpoint().map_err(ServerError::Socket)?.unwrap_or_default();
+        let bound = socket.get_last_endpoint()?.unwrap_or_default();
         let port = bound.rsplit_once(':').and_then(|(_, port)| port.parse().ok()).unwrap_or(0);
         let now_ns = MonotonicClock.now_ns();
         Ok(Self { socket, monitor, limits: Limits::new(now_ns), port, count_at_ns: now_ns })

@@ -35,9 +35,9 @@ impl Workers {
         context: &zmq::Context,
         operations: &Arc<dyn Operations>,
     ) -> Result<Self, ServerError> {
-        let replies = context.socket(zmq::PULL).map_err(ServerError::Socket)?;
-        replies.set_linger(0).map_err(ServerError::Socket)?;
-        replies.bind(ENDPOINT).map_err(ServerError::Socket)?;
+        let replies = context.socket(zmq::PULL)?;
+        replies.set_linger(0)?;
+        replies.bind(ENDPOINT)?;
         let mut workers = Self { stop: None, rest: None, replies, threads: Vec::new() };
         workers.stop = Some(workers.one(context, "link-stop", operations)?);
         workers.rest = Some(workers.one(context, "link-work", operations)?);
@@ -50,9 +50,9 @@ impl Workers {
         name: &str,
         operations: &Arc<dyn Operations>,
     ) -> Result<Sender<Job>, ServerError> {
-        let replies = context.socket(zmq::PUSH).map_err(ServerError::Socket)?;
-        replies.set_linger(0).map_err(ServerError::Socket)?;
-        replies.connect(ENDPOINT).map_err(ServerError::Socket)?;
+        let replies = context.socket(zmq::PUSH)?;
+        replies.set_linger(0)?;
+        replies.connect(ENDPOINT)?;
         let (sender, jobs) = channel();
         let operations = Arc::clone(operations);
         let work = move || work(&jobs, &replies, &*operations);

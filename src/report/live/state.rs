@@ -10,13 +10,11 @@ use crate::clock::{PacedClock, seconds};
 use crate::mapping::Pose;
 use crate::printable;
 use crate::recording::{Followed, Grid, Run, Status, StopReason};
+use crate::report::LEAST_STEP_M;
 use crate::runtime::Event;
 use crate::senses::{QUANTITIES, Senses};
-use crate::sim::{Room, Simulation, World};
+use crate::sim::{Room, Simulation};
 use crate::units::{degrees, rounded_to, wrap_rad};
-
-/// A path's places are so far apart, metres.
-const LEAST_STEP_M: f64 = 0.004;
 
 /// A map's cell counts as occupied from here on, percent: as map servers of ROS have it.
 const OCCUPIED_PCT: i8 = 65;
@@ -210,14 +208,20 @@ impl Session {
         self.phase.or_else(by_recording)
     }
 
-    /// Everything that a page has not got, as JSON.
-    pub(super) fn state(&mut self, since: Cursor) -> String {
+    /// Reads on in the recording; what a page that says so has got of this session.
+    fn look(&mut self, since: Cursor) -> Cursor {
         if let Some(followed) = &mut self.followed {
             // What cannot be read is not shown; the run's own process says what is wrong with it.
             let _ = followed.look();
         }
         let known = if since.session == self.number { since } else { Cursor::default() };
-        let mut next = Cursor { session: self.number, ..known };
+        Cursor { session: self.number, ..known }
+    }
+
+    /// Everything that a page has not got, as JSON.
+    pub(super) fn state(&mut self, since: Cursor) -> String {
+        let known = self.look(since);
+        let mut next = known;
         let mut state = Map::new();
         let mut put = |name: &str, value: Value| state.insert(name.to_owned(), value);
         put("session", json!(self.number));
@@ -248,12 +252,7 @@ impl Session {
     /// What a small picture of the run has not got: the path and the points, and where the robot is
     /// by now.
     pub(super) fn glimpse(&mut self, since: Cursor) -> Value {
-        if let Some(followed) = &mut self.followed {
-            // As for the page itself.
-            let _ = followed.look();
-        }
-        let known = if since.session == self.number { since } else { Cursor::default() };
-        let mut next = Cursor { session: self.number, ..known };
+        let mut next = self.look(since);
         let (path, points, ahead) = match &self.followed {
             Some(followed) => {
                 let run = followed.run();
@@ -285,11 +284,7 @@ impl Session {
 
     /// The simulation's room, or that of the world in the recording.
     fn room(&self) -> Option<Room> {
-        let recorded = || {
-            let text = self.followed.as_ref()?.run().world_toml.as_ref()?;
-            let (world, _) = World::parse("world.toml", text.as_bytes()).ok()?;
-            Some(Room::of(&world))
-        };
+        let recorded = || Some(Room::of(&self.followed.as_ref()?.run().world()?));
         self.simulation().and_then(Simulation::room).or_else(recorded)
     }
 

@@ -18,6 +18,7 @@ use signal_hook::consts::SIGXFSZ;
 
 use super::{BEAT_NS, ProcessError, fatal, urgency};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
+use crate::printable::json_line;
 use crate::runtime::{
     Brick, Environment, Event, Heartbeat, Job, Lock, Refused, StopFlags, execute, never_wait, obey,
     read_job,
@@ -73,12 +74,7 @@ pub fn control(
     };
     let ended = environment(&job)
         .and_then(|environment| execute(&job, environment, &flags, &mut heartbeat, report));
-    pipe.send(&match ended {
-        Ok(ended) => Event::Ended(ended),
-        Err(refused) => {
-            Event::Refused { stop: refused.stop(), hint: refused.way_out().map(str::to_owned) }
-        }
-    });
+    pipe.send(&ended.map_or_else(|refused| Event::from(&refused), Event::Ended));
     if job.lock == Lock::Inherited {
         end_hung_guard(&flags, guard);
     }
@@ -109,8 +105,7 @@ struct Pipe {
 
 impl Pipe {
     fn send(&self, event: &Event) {
-        let Ok(mut line) = serde_json::to_vec(event) else { return };
-        line.push(b'\n');
+        let Ok(line) = json_line(event) else { return };
         if matches!(event, Event::Stopped { .. } | Event::Ended(_) | Event::Refused { .. }) {
             self.write_whole(&line);
         } else {

@@ -14,7 +14,7 @@ use std::io::{self, BufReader, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::ExitStatusExt as _;
-use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, ExitStatus};
 use std::sync::Arc;
 
 use nix::errno::Errno;
@@ -26,10 +26,12 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use super::{BEAT_NS, ProcessError, fatal, urgency};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree;
+use crate::printable::json_line;
 use crate::robot::{brake_all, still};
+use crate::runtime::child::spawn_process;
 use crate::runtime::{
     Brick, Event, HardwareLock, Job, Lines, Lock, Order, Refused, StopBy, Watch, WhenAbandoned,
-    never_wait, read_job, verbosity,
+    never_wait, read_job,
 };
 
 /// How much is kept for a reader that lags, bytes: beyond, statuses are left out.
@@ -116,16 +118,12 @@ impl Starter {
         if matches!(event, Event::Status(_)) && self.kept.len() > MOST_KEPT {
             return;
         }
-        if let Ok(mut line) = serde_json::to_vec(event) {
-            line.push(b'\n');
-            self.kept.append(&mut line);
-        }
+        self.kept.extend(json_line(event).into_iter().flatten());
         self.write();
     }
 
     fn refuse(&mut self, refused: &Refused) {
-        let hint = refused.way_out().map(str::to_owned);
-        self.tell(&Event::Refused { stop: refused.stop(), hint });
+        self.tell(&Event::from(refused));
         self.finish();
     }
 
@@ -181,21 +179,11 @@ struct Guard {
 
 impl Guard {
     fn start(job: &Job, starter: Starter, signals: UnixStream) -> io::Result<Self> {
-        let mut control = Command::new(std::env::current_exe()?)
-            .arg("control")
-            .args(verbosity())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()?;
-        let (Some(mut orders), Some(said)) = (control.stdin.take(), control.stdout.take()) else {
-            return Err(io::ErrorKind::BrokenPipe.into());
-        };
+        let (control, mut orders, said) = spawn_process(&std::env::current_exe()?, "control")?;
         // Whatever the starter wants to become of its run, control ends it when the guard is gone.
         let own = Job { when_abandoned: WhenAbandoned::Stop, lock: Lock::Inherited, ..job.clone() };
-        let mut line = serde_json::to_vec(&own)?;
-        line.push(b'\n');
         // One that does not take its job is gone, and is seen to be below.
-        let _ = orders.write_all(&line);
+        let _ = orders.write_all(&json_line(&own)?);
         never_wait(orders.as_fd())?;
         never_wait(said.as_fd())?;
         Ok(Self {
@@ -315,8 +303,7 @@ impl Guard {
     }
 
     fn order(&mut self, order: Order) {
-        if let Ok(mut line) = serde_json::to_vec(&order) {
-            line.push(b'\n');
+        if let Ok(line) = json_line(&order) {
             // A process that does not empty this pipe hears no order; one that drives is then hung,
             // and is found to be.
             let _ = self.orders.write_all(&line);

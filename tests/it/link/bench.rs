@@ -15,6 +15,7 @@ use onbrick::protocol::{
     Answer, Caller, Disk, Done, Fetch, Fetched, Kind, Live, LiveDevice, LocalOnly, Missions, Name,
     Operations, Refusal, Request, RunId, Runs, Started, State, Status, Stopped,
 };
+use onbrick::service::config::LinkConfig;
 use sha2::{Digest as _, Sha256};
 use tempfile::TempDir;
 
@@ -235,9 +236,7 @@ pub fn serve(folder: &Path, fake: &Arc<Fake>) -> Server {
     let config = ServerConfig {
         keys: folder.to_owned(),
         name: Name::new("fake").unwrap(),
-        address: "127.0.0.1".to_owned(),
-        port: 0,
-        pairing_port: 0,
+        listens: LinkConfig { address: "127.0.0.1".to_owned(), port: 0, pairing_port: 0 },
     };
     let server = Server::start(config, Arc::clone(fake) as Arc<dyn Operations>).unwrap();
     until("the link is ready", || match server.state() {

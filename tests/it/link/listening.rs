@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use onbrick::link::{LinkState, Server, ServerConfig};
 use onbrick::protocol::{Name, Operations};
+use onbrick::service::config::LinkConfig;
 
 use super::bench::{Fake, until};
 
@@ -13,9 +14,7 @@ fn begun(address: &str) -> LinkState {
     let config = ServerConfig {
         keys: folder.path().to_owned(),
         name: Name::new("fake").unwrap(),
-        address: address.to_owned(),
-        port: 0,
-        pairing_port: 0,
+        listens: LinkConfig { address: address.to_owned(), port: 0, pairing_port: 0 },
     };
     let operations = Arc::new(Fake::default()) as Arc<dyn Operations>;
     let server = Server::start(config, operations).unwrap();

@@ -165,9 +165,9 @@ fn done(hall: &Arc<Hall>, path: &[&str], text: &str) -> Result<Shown, String> {
         ["identify"] => hall.brick(read::<OfBrick>(text)?.brick)?.order(Order::Identify),
         ["start"] => {
             let StartOn { bricks, mission: Text { name, text } } = read(text)?;
-            for number in bricks {
-                hall.start(&*hall.brick(number)?, &name, &text, None)?;
-            }
+            let bricks: Vec<_> =
+                bricks.into_iter().map(|number| hall.brick(number)).collect::<Result<_, _>>()?;
+            bricks.iter().try_for_each(|brick| hall.start(brick, &name, &text, None))?;
         }
         ["team"] => {
             let StartTeam { members, mission: Text { name, text } } = read(text)?;
@@ -271,7 +271,8 @@ fn runs(brick: &Brick) -> Value {
 }
 
 fn map(file: &std::path::Path) -> Result<Shown, String> {
-    picture(open_run(file).ok().as_slice(), None)
+    let run = file.exists().then(|| open_run(file)).transpose();
+    picture(run.map_err(|failure| failure.message)?.as_slice(), None)
 }
 
 /// What the team's bricks have found, in one picture.
@@ -293,4 +294,38 @@ fn picture(runs: &[LoadedRun], title: Option<&str>) -> Result<Shown, String> {
     }
     let svg = plot::svg(&scene_of(runs, title)).map_err(|error| with_causes(&error))?;
     Ok(Shown::Text(Kind::Svg, svg.into()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::{KeyPair, KnownBrick};
+
+    #[test]
+    fn nothing_starts_where_one_of_the_bricks_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let own = KeyPair::generate().unwrap();
+        let known = KnownBrick {
+            name: "blue".to_owned(),
+            address: "127.0.0.1:1".to_owned(),
+            key: own.public(),
+        };
+        let hall = Arc::new(Hall::new(folder.path(), folder.path(), own));
+        hall.admit(&known);
+        let start = json!({ "bricks": [0, 7], "name": "mine", "text": "" }).to_string();
+        let refused = done(&hall, &["start"], &start).unwrap_err();
+        hall.end();
+        assert_eq!(refused, "there is no such brick");
+        assert!(!folder.path().join("kept").exists(), "what is started is kept");
+    }
+
+    #[test]
+    fn a_recording_that_cannot_be_read_says_why() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("run.mcap");
+        assert_eq!(map(&file).unwrap_err(), "there is no recording yet");
+        std::fs::write(&file, "no recording").unwrap();
+        let why = map(&file).unwrap_err();
+        assert!(why.contains("it is no MCAP file"), "{why}");
+    }
 }

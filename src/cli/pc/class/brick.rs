@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 use super::bring::{Bringing, Brought};
@@ -18,7 +18,7 @@ use crate::link::client::new_run_id;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, Patience};
 use crate::protocol::{Chosen, LiveDevice, RunId, RunInfo, State, Status, Stopped};
 use crate::report::live::{Board, Wish};
-use crate::threads::spawn;
+use crate::threads::{lock, spawn};
 
 /// How often a brick is asked how it is, nanoseconds: as a rule, and until it stands still that was
 /// told to stop.
@@ -147,7 +147,7 @@ impl Brick {
     }
 
     pub(super) fn seen(&self) -> MutexGuard<'_, Seen> {
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.seen)
     }
 
     /// Has the brick's thread do something, one after the other.
@@ -174,8 +174,7 @@ impl Brick {
     /// As a person reads it, with the way out; the card has the name already.
     pub(super) fn told(&self, error: &ClientError) -> String {
         let Failure { message, hint, .. } = failure(&self.known, error);
-        let own = format!("{}: ", self.known.name);
-        let message = message.strip_prefix(&own).unwrap_or(&message).trim_end();
+        let message = message.trim_end();
         match hint.filter(|_| !matches!(error, ClientError::NoAnswer { .. })) {
             Some(hint) => format!("{message}\n{hint}"),
             None => message.to_owned(),
@@ -340,10 +339,7 @@ impl Brick {
 
     fn begin(&self, client: &mut Client, start: Start) -> Result<String, ClientError> {
         let Start { name, text, pose } = start;
-        let run = new_run_id(&name).map_err(|error| {
-            let message = error.to_string();
-            ClientError::NotUnderstood { address: self.known.address.clone(), message }
-        })?;
+        let run = new_run_id(&name)?;
         {
             let mut seen = self.seen();
             (seen.stopping, seen.started) = (None, None);

@@ -11,21 +11,21 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
 
 use serde_json::{Value, json};
 
 use crate::behavior::{Capabilities, shipped};
-use crate::cli::common::{load_robot, load_world, read_bounded};
+use crate::cli::Failure;
+use crate::cli::common::{load_mission, load_robot, load_world, read_own};
 use crate::cli::run::page::watched;
-use crate::cli::{Failure, Output};
 use crate::clock::{MILLISECOND_NS, wall_ns};
 use crate::document::save;
 use crate::printable::with_causes;
 use crate::protocol::{MAX_MISSION_BYTES, Name};
 use crate::report::live::{Board, Sources, Wish};
 use crate::runtime::{Brick, Job, Source, StopBy, StopFlags};
+use crate::threads::lock;
 
 /// What a new mission is called among the templates.
 const TEMPLATE: &str = "template";
@@ -142,8 +142,8 @@ fn named(name: &str) -> Result<Name, String> {
 }
 
 fn text_of(file: &Path) -> Result<String, String> {
-    let bytes = read_bounded(file).map_err(|failure| failure.message)?;
-    String::from_utf8(bytes).map_err(|_| format!("{} is no text (not UTF-8)", file.display()))
+    let read = read_own(file, "").map_err(|failure| failure.message)?;
+    Ok(read.text)
 }
 
 /// The names of a folder's TOML files without their ending, in order.
@@ -190,14 +190,14 @@ impl Trial {
 
     /// What was tried last.
     pub(super) fn last(&self) -> Option<Trying> {
-        self.again.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.again).clone()
     }
 
     /// Drives it until it ends, or the next one comes; why it does not is on the board.
     pub(super) fn play(&self, trying: &Trying) {
-        *self.again.lock().unwrap_or_else(PoisonError::into_inner) = Some(trying.clone());
+        *lock(&self.again) = Some(trying.clone());
         self.stop();
-        let _running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        let _running = lock(&self.running);
         self.flags.page.store(false, Ordering::Relaxed);
         if let Err(failure) = self.drive(trying) {
             self.board.refuse(&failure.to_text());
@@ -208,8 +208,8 @@ impl Trial {
         let Trying { mission: source, world, file } = trying;
         // A name is that of a built-in world, as for `run --sim`.
         let (world_source, start) = load_world(Path::new(world))?;
-        let robot = load_robot(None, &mut Output::new(true))?;
-        let (mission, _) = source.mission(&robot.config.capabilities())?;
+        let robot = load_robot(None)?;
+        let (mission, _) = load_mission(source, &robot.config.capabilities())?;
         // It is a trial: only the newest recording is kept.
         match std::fs::remove_file(file) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {

@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 use serde::Serialize;
@@ -17,6 +17,7 @@ use crate::link::pairing::{Introduced, pair};
 use crate::link::{KeyPair, KnownBrick, KnownBricks, Patience};
 use crate::printable::with_causes;
 use crate::protocol::Name;
+use crate::threads::lock;
 
 /// How long one listens, seconds, and how long after it one listens again, nanoseconds.
 const LISTEN_S: f64 = 4.0;
@@ -73,11 +74,11 @@ pub(super) struct Pairing {
 
 impl Pairing {
     fn heard(&self) -> MutexGuard<'_, Vec<Announced>> {
-        self.heard.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.heard)
     }
 
     fn talk(&self) -> MutexGuard<'_, Option<Talk>> {
-        self.talk.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.talk)
     }
 
     /// Listens for announcements until the page ends.

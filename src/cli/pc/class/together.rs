@@ -7,17 +7,16 @@
 //! picture. The team's own recording (`team.mcap`) is `onbrick team`'s.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::brick::Brick;
 use super::hall::Hall;
-use crate::protocol::State;
-
-/// Start poses nearer to each other than this are a mistake, metres: a robot is longer.
-const SAME_PLACE_M: f64 = 0.1;
+use crate::cli::pc::team::check::unready;
+use crate::link::team;
+use crate::threads::lock;
 
 /// A brick of the team, and where it starts: metres, metres, degrees.
 #[derive(Debug, Clone, Deserialize)]
@@ -39,7 +38,7 @@ struct Team {
 impl Together {
     /// Who runs what from where.
     pub(super) fn state(&self) -> Value {
-        let team = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let team = lock(&self.0);
         let Some(Team { mission, members }) = &*team else { return Value::Null };
         let members: Vec<Value> =
             members.iter().map(|Member { brick, pose }| json!([brick, pose])).collect();
@@ -48,7 +47,7 @@ impl Together {
 
     /// The bricks of the team.
     pub(super) fn members(&self) -> Vec<usize> {
-        let team = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let team = lock(&self.0);
         team.iter().flat_map(|team| &team.members).map(|member| member.brick).collect()
     }
 }
@@ -71,8 +70,7 @@ pub(super) fn start(
         return Err(problems.join("\n"));
     }
     hall.whole(name, text)?;
-    *hall.together.0.lock().unwrap_or_else(PoisonError::into_inner) =
-        Some(Team { mission: name.to_owned(), members: members.clone() });
+    *lock(&hall.together.0) = Some(Team { mission: name.to_owned(), members: members.clone() });
     for (brick, member) in bricks.iter().zip(&members) {
         hall.start(brick, name, text, Some(member.pose))?;
     }
@@ -91,12 +89,8 @@ fn problems(bricks: &[Arc<Brick>], members: &[Member]) -> Vec<String> {
         match &seen.status {
             Some(status) if seen.silent_ns.is_none() => {
                 versions.entry(status.version.clone()).or_default().push(name);
-                if !matches!(status.state, State::Ready | State::Stopped) {
-                    problems.push(format!("{name} is not ready"));
-                }
-                for text in [&status.battery, &status.robot].into_iter().flatten() {
-                    problems.push(format!("{name}: {}", text.trim_end()));
-                }
+                let texts = unready(status).into_iter().chain(status.battery.clone());
+                problems.extend(texts.map(|text| format!("{name}: {text}")));
             }
             _ => problems.push(format!("{name} does not answer")),
         }
@@ -109,17 +103,43 @@ fn problems(bricks: &[Arc<Brick>], members: &[Member]) -> Vec<String> {
             each.collect::<Vec<_>>().join("; ")
         ));
     }
-    for (at, (brick, member)) in bricks.iter().zip(members).enumerate() {
-        for (other, before) in bricks.iter().zip(members).take(at) {
-            let [x, y, _] = member.pose;
-            let [from_x, from_y, _] = before.pose;
-            if libm::hypot(x - from_x, y - from_y) < SAME_PLACE_M {
-                problems.push(format!(
-                    "{} and {} would stand in each other",
-                    other.known.name, brick.known.name
-                ));
-            }
-        }
+    let placed = |(brick, member): (&Arc<Brick>, &Member)| team::Member {
+        brick: brick.known.clone(),
+        pose: member.pose,
+    };
+    let team: Vec<team::Member> = bricks.iter().zip(members).map(placed).collect();
+    for (at, member) in team.iter().enumerate() {
+        let clashes = team.iter().take(at).flat_map(|other| member.clashes(other));
+        problems.extend(clashes.map(|(message, _)| message));
     }
     problems
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::Ordering;
+
+    use super::*;
+    use crate::link::{KeyPair, KnownBrick};
+
+    #[test]
+    fn a_brick_is_in_a_team_once_and_no_two_stand_in_one_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let own = KeyPair::generate().unwrap();
+        let brick = |name: &str, key| {
+            let known =
+                KnownBrick { name: name.to_owned(), address: "127.0.0.1:1".to_owned(), key };
+            Brick::start(&known, &own, folder.path())
+        };
+        let (blue, red) =
+            (brick("blue", own.public()), brick("red", KeyPair::generate().unwrap().public()));
+        let at = |x_m: f64| Member { brick: 0, pose: [x_m, 0.0, 0.0] };
+        let twice = problems(&[Arc::clone(&blue), Arc::clone(&blue)], &[at(0.0), at(3.0)]);
+        let near = problems(&[Arc::clone(&blue), Arc::clone(&red)], &[at(0.0), at(0.05)]);
+        let apart = problems(&[Arc::clone(&blue), Arc::clone(&red)], &[at(0.0), at(3.0)]);
+        [blue, red].iter().for_each(|brick| brick.over.store(true, Ordering::Relaxed));
+        assert!(twice.iter().any(|text| text.contains("the same brick")), "{twice:?}");
+        assert!(near.iter().any(|text| text.contains("in the same place")), "{near:?}");
+        assert_eq!(apart.len(), 2, "neither answers, and no more: {apart:?}");
+    }
 }

@@ -65,11 +65,8 @@ pub(super) fn all(asking: &Asking, wanted: Option<&Wanted>) -> Vec<Checked> {
 impl Checked {
     fn unheard(&mut self, failure: Failure) {
         self.silent = failure.exit == Exit::NoAnswer;
-        // The table has the name already.
-        let own = format!("{}: ", self.brick.name);
-        let message = failure.message.strip_prefix(&own).unwrap_or(&failure.message);
         let hint = failure.hint.filter(|_| !self.silent).map(|hint| format!("; {hint}"));
-        self.problems.push(format!("{message}{}", hint.unwrap_or_default()));
+        self.problems.push(failure.message + &hint.unwrap_or_default());
     }
 
     fn note(&mut self, status: Status, missions: Option<Missions>) {
@@ -99,7 +96,7 @@ impl Checked {
 }
 
 /// What keeps a brick from starting a run.
-fn unready(status: &Status) -> Option<String> {
+pub(in crate::cli::pc) fn unready(status: &Status) -> Option<String> {
     let last = status.last.as_ref().map(LastStop::to_string).unwrap_or_default();
     let last = first_line(&last);
     match status.state {
@@ -277,8 +274,7 @@ mod tests {
             Some(mission("b", Some("error: unknown key `x`\n  --> map.toml:1"))),
         );
         team[2].note(status("1.0.0"), Some(mission("a", None)));
-        team[3]
-            .unheard(Failure::new(Exit::NoAnswer, "grey: no answer from grey").hint("is it on?"));
+        team[3].unheard(Failure::new(Exit::NoAnswer, "no answer from grey").hint("is it on?"));
         compare(&mut team, "onbrick", |checked| Some(checked.status.as_ref()?.version.clone()));
         compare(&mut team, "mission", |checked| Some(short(checked.mission.as_ref()?).to_owned()));
         team

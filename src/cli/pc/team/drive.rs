@@ -14,7 +14,7 @@ use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, SECOND_NS, wall_n
 use crate::link::client::{new_run_id, part_of};
 use crate::link::team::Member;
 use crate::link::{Client, ClientError, KnownBrick};
-use crate::protocol::{Kind, LastStop, NoRunId, RunId};
+use crate::protocol::{Kind, LastStop, Refusal, RunId};
 
 /// How often bars and signals are looked at, and how often a program is told how it goes,
 /// nanoseconds.
@@ -76,7 +76,7 @@ pub(super) fn all(plan: &Plan<'_>, output: &mut Output) -> Result<Vec<Came>, Fai
     // The bricks' recordings come to lie in one folder.
     let id =
         |member: &Member| new_run_id(&format!("{:.9}-{}", plan.wanted.name, member.brick.name));
-    let runs: Result<Vec<RunId>, NoRunId> = plan.team.members.iter().map(id).collect();
+    let runs: Result<Vec<RunId>, Refusal> = plan.team.members.iter().map(id).collect();
     let runs = runs.map_err(|error| Failure::new(Exit::Failed, error.to_string()))?;
     let members = plan.team.members.iter().zip(&runs);
     let shares: Vec<Share<'_>> =
@@ -195,8 +195,7 @@ impl Share<'_> {
                     .end
                     .as_ref()
                     .map_or_else(|| "it was not started".to_owned(), LastStop::to_string);
-                came.failure =
-                    Some(Failure::new(Exit::Failed, format!("{}: {why}", self.member.brick.name)));
+                came.failure = Some(Failure::new(Exit::Failed, why));
             }
             Err(error) => {
                 came.file = there(part_of(&self.file()));

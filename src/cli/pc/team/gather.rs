@@ -33,11 +33,8 @@ pub(super) fn report(came: &[Came], output: &mut Output) {
 }
 
 fn said(one: &Came) -> String {
-    let own = format!("{}: ", one.brick.name);
     match (&one.failure, &one.end) {
-        (Some(failure), _) => {
-            failure.message.strip_prefix(&own).unwrap_or(&failure.message).to_owned()
-        }
+        (Some(failure), _) => failure.message.clone(),
         (None, Some(end)) => end.to_string(),
         (None, None) => "its recording has no end".to_owned(),
     }
