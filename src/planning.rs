@@ -18,7 +18,9 @@
 //! passes near the robot. As long as its sweep is not over, it counts where it was guessed to lie
 //! at once, and what its sweep then leaves out of the map counts no more. Echoes of a doorway's
 //! sides that were heard from afar close it: so where nothing is left, what was not heard from near
-//! is believed half as much ([`Request::again`]), and the robot goes there and looks.
+//! is believed half as much ([`Request::again`]), and the robot goes there and looks. What has
+//! stopped it is forgotten then, and what was heard where it once stood: so it gets out of where it
+//! came in.
 //!
 //! *Known*: free by the grid, or the robot stood there. *Drivable*: known, nothing solid within the
 //! distance to keep, nothing unknown beside it; or its middle was there, and nothing solid is
@@ -388,6 +390,9 @@ impl Planner {
     }
 
     fn begin(&mut self, request: Request, pose: &Pose) {
+        if request.again {
+            self.obstacles.clear();
+        }
         if let Some(obstacle) = request.obstacle {
             self.obstruct(obstacle);
         }

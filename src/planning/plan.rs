@@ -50,7 +50,8 @@ pub struct Request {
     pub turn_m: f64,
     /// The robot has just looked at the goal of the plan before.
     pub looked: Option<View>,
-    /// What was tried is to be tried once more, and what was heard from afar is to be doubted.
+    /// What was tried is to be tried once more, what was heard from afar is to be doubted, and what
+    /// has stopped the robot, or was heard where it once stood, to be forgotten.
     pub again: bool,
     /// Something is in the way that the map does not show, world x and y, metres.
     pub obstacle: Option<[f64; 2]>,

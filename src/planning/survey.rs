@@ -201,11 +201,14 @@ impl Survey {
         }
     }
 
-    /// All that was heard speaks half as much for something.
+    /// All that was heard speaks half as much for something, and no more for anything where the
+    /// robot stood.
     pub(super) fn doubt(&mut self) {
         for row in 0..signed(self.rows) {
             for column in 0..signed(self.columns) {
-                self.weigh(Place { column, row }, |evidence| evidence / 2);
+                let place = Place { column, row };
+                let stood = self.stood.has(place);
+                self.weigh(place, |evidence| if stood { 0 } else { evidence / 2 });
             }
         }
     }

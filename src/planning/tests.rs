@@ -289,6 +289,8 @@ fn a_passage_that_echoes_have_narrowed_stays_open_for_a_robot_that_has_driven_th
         assert_eq!(drawn.plan(&to_place(1, [10, 0])).0.outcome, then, "driven: {driven}");
         let stopped = Request { obstacle: Some([0.0, 0.125]), ..to_place(2, [10, 0]) };
         assert_eq!(drawn.plan(&stopped).0.outcome, Outcome::Near, "what has stopped it counts");
+        let again = Request { again: true, ..to_place(3, [10, 0]) };
+        assert_eq!(drawn.plan(&again).0.outcome, then, "where it once stood nothing stands");
     }
 }
 
