@@ -12,7 +12,7 @@
 use std::sync::Arc;
 
 use evdev::raw_stream::RawDevice;
-use evdev::{AttributeSet, KeyCode};
+use evdev::{AttributeSet, EventType, KeyCode, SynchronizationCode};
 use nix::errno::Errno;
 
 use super::error::DeviceError;
@@ -128,10 +128,6 @@ struct Rest {
     length: usize,
 }
 
-const EV_SYN: u16 = 0;
-const EV_KEY: u16 = 1;
-const SYN_DROPPED: u16 = 3;
-
 /// Events that one look takes at most, as `evdev` does.
 const EVENTS_PER_READ: usize = 32;
 
@@ -237,7 +233,7 @@ fn read_device(
         Err(errno) => return Err(errno),
     };
     let events = events.map(|event| Event {
-        kind: event.event_type().0,
+        kind: event.event_type(),
         code: event.code(),
         value: event.value(),
     });
@@ -271,8 +267,12 @@ fn take(
     let mut dropped = false;
     for event in events {
         match (event.kind, Button::from_code(event.code), event.value) {
-            (EV_KEY, Some(button), 0 | 1) => note(held, changes, button, event.value == 1),
-            (EV_SYN, _, _) if event.code == SYN_DROPPED => dropped = true,
+            (EventType::KEY, Some(button), 0 | 1) => note(held, changes, button, event.value == 1),
+            (EventType::SYNCHRONIZATION, ..)
+                if event.code == SynchronizationCode::SYN_DROPPED.0 =>
+            {
+                dropped = true;
+            }
             _ => {}
         }
     }
