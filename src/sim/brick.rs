@@ -29,7 +29,7 @@ use super::driver::led::Led;
 use super::driver::sensor::{Sensor, model};
 use super::driver::servo::ServoMotor;
 use super::driver::tacho::TachoMotor;
-use super::driver::{Context, Driver, Spec, Stored, readwriteable};
+use super::driver::{Context, Driver, Spec, Stored, line, readwriteable};
 use super::fault::{PortFaults, Reading};
 use super::physics::{Bridge, Physics};
 use super::simulation::Options;
@@ -375,7 +375,16 @@ impl Brick {
         if POWER.iter().any(|spec| spec.name == attribute) {
             return read_power(attribute, out);
         }
-        driver.read(attribute, out)
+        let of_all = driver.identity().and_then(|(driver_name, address)| match attribute {
+            "driver_name" => Some(driver_name),
+            "address" => Some(address),
+            _ => None,
+        });
+        match of_all {
+            Some(text) => line(out, text),
+            None => driver.read(attribute, out)?,
+        }
+        Ok(())
     }
 
     /// Stores what one `write` brought. An empty one does not reach the driver.

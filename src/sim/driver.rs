@@ -152,7 +152,12 @@ pub(crate) trait Driver: Debug + Send {
         &[]
     }
 
-    /// Appends the text of an attribute to `out`.
+    /// The driver's name, and the address, of what is on a port.
+    fn identity(&self) -> Option<(&'static str, &str)> {
+        None
+    }
+
+    /// Appends the text of an attribute to `out`, but for `address` and `driver_name`.
     ///
     /// # Errors
     ///
@@ -171,7 +176,11 @@ pub(crate) trait Driver: Debug + Send {
     }
 
     /// Appends the lines of `uevent`.
-    fn uevent(&self, _out: &mut Vec<u8>) {}
+    fn uevent(&self, out: &mut Vec<u8>) {
+        if let Some((driver_name, address)) = self.identity() {
+            lego_uevent(out, driver_name, address);
+        }
+    }
 }
 
 /// Appends a line.
@@ -194,7 +203,7 @@ pub(crate) fn list<'a>(out: &mut Vec<u8>, words: impl IntoIterator<Item = &'a st
 
 /// Appends the two lines that every device on a port has in its `uevent`.
 pub(crate) fn lego_uevent(out: &mut Vec<u8>, driver_name: &str, address: &str) {
-    let _ = writeln!(out, "LEGO_DRIVER_NAME={driver_name}\nLEGO_ADDRESS={address}");
+    line(out, format_args!("LEGO_DRIVER_NAME={driver_name}\nLEGO_ADDRESS={address}"));
 }
 
 /// The low 32 bits: what the kernel's `int` makes of a result that does not fit.

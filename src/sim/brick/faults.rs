@@ -81,11 +81,8 @@ impl Brick {
     /// The driver of a device on a port; of a light too, which a port in mode `led` has.
     pub(crate) fn driver_name(&self, id: u32) -> Option<&'static str> {
         match &self.node(id)?.device {
-            Device::Tacho(_, motor) => Some(motor.model.driver_name),
-            Device::Dc(..) => Some(crate::sim::driver::dc::DRIVER_NAME),
-            Device::Sensor(_, sensor) => Some(sensor.model.driver_name),
             Device::Led(_) => Some("led"),
-            _ => None,
+            _ => self.driver(id)?.identity().map(|(driver_name, _)| driver_name),
         }
     }
 

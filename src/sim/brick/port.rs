@@ -269,10 +269,12 @@ impl Driver for PortState {
         ATTRIBUTES
     }
 
+    fn identity(&self) -> Option<(&'static str, &str)> {
+        Some((self.kind().driver, self.address))
+    }
+
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         match attribute {
-            "address" => line(out, self.address),
-            "driver_name" => line(out, self.kind().driver),
             "mode" => line(out, self.mode_name()),
             "modes" => list(out, self.modes().iter().copied()),
             "status" => line(out, self.status()),

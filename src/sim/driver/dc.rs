@@ -8,15 +8,13 @@ use nix::errno::Errno;
 
 use super::jiffies::{due_ns, from_ms, jiffies};
 use super::text::{int_in, known, scan_unsigned, word};
-use super::{
-    Context, Driver, Spec, Took, lego_uevent, line, list, readable, readwriteable, wrap, writeable,
-};
+use super::{Context, Driver, Spec, Took, line, list, readable, readwriteable, wrap, writeable};
 use crate::ev3dev::{DcCommand as Command, Polarity};
 use crate::sim::physics::Bridge;
 
 const STOP_ACTIONS: [&str; 2] = ["coast", "brake"];
 const RAMP_PERIOD: i64 = 10;
-pub(crate) const DRIVER_NAME: &str = "rcx-motor";
+const DRIVER_NAME: &str = "rcx-motor";
 
 const ATTRIBUTES: &[Spec] = &[
     readable("address"),
@@ -147,10 +145,12 @@ impl Driver for DcMotor {
         ATTRIBUTES
     }
 
+    fn identity(&self) -> Option<(&'static str, &str)> {
+        Some((DRIVER_NAME, self.address))
+    }
+
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         match attribute {
-            "address" => line(out, self.address),
-            "driver_name" => line(out, DRIVER_NAME),
             "commands" => list(out, Command::WORDS.iter().copied()),
             "stop_actions" => list(out, STOP_ACTIONS),
             "polarity" => list(out, Polarity::WORDS.get(usize::from(self.set.inversed)).copied()),
@@ -188,10 +188,6 @@ impl Driver for DcMotor {
             _ => return Err(Errno::EIO),
         }
         Ok(None)
-    }
-
-    fn uevent(&self, out: &mut Vec<u8>) {
-        lego_uevent(out, DRIVER_NAME, self.address);
     }
 }
 

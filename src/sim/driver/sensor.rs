@@ -15,9 +15,7 @@ use rand_chacha::rand_core::Rng as _;
 pub(crate) use self::models::{MODELS, Mode, Model, model};
 use self::models::{decode, encode};
 use super::text::word;
-use super::{
-    Context, Driver, Spec, Took, Wait, lego_uevent, line, list, readable, readwriteable, writeable,
-};
+use super::{Context, Driver, Spec, Took, Wait, line, list, readable, readwriteable, writeable};
 use crate::sim::physics::SensorKind;
 
 /// The analog pin's voltage from which a touch sensor counts as pressed, in millivolts.
@@ -369,15 +367,17 @@ impl Driver for Sensor {
         ATTRIBUTES
     }
 
+    fn identity(&self) -> Option<(&'static str, &str)> {
+        Some((self.model.driver_name, self.address))
+    }
+
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         let mode = self.mode_table().ok_or(Errno::ENXIO)?;
         match attribute {
-            "address" => line(out, self.address),
             "bin_data" => out.extend_from_slice(self.frame()),
             "bin_data_format" => line(out, mode.format),
             "commands" | "fw_version" => line(out, ""),
             "decimals" => line(out, mode.decimals),
-            "driver_name" => line(out, self.model.driver_name),
             "mode" => line(out, mode.name),
             "modes" => list(out, self.model.modes.iter().map(|mode| mode.name)),
             "num_values" => line(out, mode.values),
@@ -399,9 +399,5 @@ impl Driver for Sensor {
             // `command`: no EV3 sensor has any.
             _ => Err(Errno::EINVAL),
         }
-    }
-
-    fn uevent(&self, out: &mut Vec<u8>) {
-        lego_uevent(out, self.model.driver_name, self.address);
     }
 }

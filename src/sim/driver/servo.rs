@@ -5,9 +5,7 @@
 use nix::errno::Errno;
 
 use super::text::{int_in, known, scan_signed, scan_unsigned};
-use super::{
-    Context, Driver, Spec, Took, lego_uevent, line, list, readable, readwriteable, writeable,
-};
+use super::{Context, Driver, Spec, Took, line, list, readable, readwriteable, writeable};
 use crate::ev3dev::{Polarity, ServoCommand};
 
 const DRIVER_NAME: &str = "servo-motor";
@@ -67,10 +65,12 @@ impl Driver for ServoMotor {
         ATTRIBUTES
     }
 
+    fn identity(&self) -> Option<(&'static str, &str)> {
+        Some((DRIVER_NAME, &self.address))
+    }
+
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         match attribute {
-            "address" => line(out, &self.address),
-            "driver_name" => line(out, DRIVER_NAME),
             "min_pulse_sp" => line(out, self.min_pulse_us),
             "mid_pulse_sp" => line(out, self.mid_pulse_us),
             "max_pulse_sp" => line(out, self.max_pulse_us),
@@ -95,10 +95,6 @@ impl Driver for ServoMotor {
             _ => return Err(Errno::EIO),
         }
         Ok(None)
-    }
-
-    fn uevent(&self, out: &mut Vec<u8>) {
-        lego_uevent(out, DRIVER_NAME, &self.address);
     }
 }
 

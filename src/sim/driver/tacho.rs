@@ -24,7 +24,7 @@ pub(crate) use self::models::{MODELS, Model};
 use self::motor::{Motor, Ticked};
 use super::jiffies::{JIFFY_NS, due_ns, from_ms, jiffies};
 use super::text::{int, int_in, known, word};
-use super::{Context, Driver, Spec, Took, lego_uevent, line, list, wrap};
+use super::{Context, Driver, Spec, Took, line, list, wrap};
 use crate::ev3dev::{Polarity, StopAction, TachoCommand as Command};
 use crate::sim::board::MotorDriver;
 use crate::sim::physics::Bridge;
@@ -356,10 +356,12 @@ impl Driver for TachoMotor {
         self.model.attributes
     }
 
+    fn identity(&self) -> Option<(&'static str, &str)> {
+        Some((self.model.driver_name, self.address))
+    }
+
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         match attribute {
-            "address" => line(out, self.address),
-            "driver_name" => line(out, self.model.driver_name),
             "commands" => list(out, self.commands()),
             "stop_actions" => list(out, self.stop_actions()),
             "stop_action" => line(out, self.set.stop_action),
@@ -431,9 +433,5 @@ impl Driver for TachoMotor {
             }
         }
         Ok(None)
-    }
-
-    fn uevent(&self, out: &mut Vec<u8>) {
-        lego_uevent(out, self.model.driver_name, self.address);
     }
 }
