@@ -29,11 +29,11 @@ use super::driver::led::Led;
 use super::driver::sensor::{Sensor, model};
 use super::driver::servo::ServoMotor;
 use super::driver::tacho::TachoMotor;
-use super::driver::{Context, Driver, Spec, Stored, line, readwriteable};
+use super::driver::{Context, Driver, Stored, line, readwriteable};
 use super::fault::{PortFaults, Reading};
 use super::physics::{Bridge, Physics};
 use super::simulation::Options;
-use crate::ev3dev::Hue;
+use crate::ev3dev::{AttributeSpec, Hue};
 
 /// Ports before this one are input ports.
 const FIRST_OUTPUT: usize = 4;
@@ -44,7 +44,7 @@ const BATTERY_NS: i64 = 10_000_000;
 /// A page: no store takes more.
 const MOST_STORED: usize = 4096;
 
-const UEVENT: Spec = readwriteable("uevent");
+static UEVENT: AttributeSpec = readwriteable("uevent");
 
 #[derive(Debug)]
 enum Device {
@@ -337,9 +337,9 @@ impl Brick {
     }
 
     /// The row of an attribute; none if the device has none of that name now.
-    pub(crate) fn attribute(&self, id: u32, name: &str) -> Option<Spec> {
-        let own = self.driver(id)?.attributes();
-        own.iter().chain(POWER).chain(&[UEVENT]).find(|spec| spec.name == name).copied()
+    pub(crate) fn attribute(&self, id: u32, name: &str) -> Option<&'static AttributeSpec> {
+        let own = self.driver(id)?.attributes().into_iter().flatten();
+        own.chain(&POWER).chain([&UEVENT]).find(|spec| spec.name == name)
     }
 
     /// When a device was registered.

@@ -1,6 +1,7 @@
 //! The faults on a brick's ports: `sim::fault` says what they do.
 
 use super::{Brick, Device, FIRST_OUTPUT};
+use crate::ev3dev::Direction;
 use crate::sim::fault::{DeviceFault, FaultError, PortFaults};
 use crate::sim::ports::Port;
 use nix::errno::Errno;
@@ -95,7 +96,7 @@ impl Brick {
     ) -> Result<(), Errno> {
         let id = self.ports.get(port.index()).and_then(|port| port.device).ok_or(Errno::ENODEV)?;
         let spec = self.attribute(id, attribute).ok_or(Errno::ENOENT)?;
-        if spec.permissions & 0o222 == 0 {
+        if spec.direction == Direction::Readable {
             return Err(Errno::EACCES);
         }
         // The program that waits for the end of the write is another one.

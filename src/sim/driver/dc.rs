@@ -8,29 +8,13 @@ use nix::errno::Errno;
 
 use super::jiffies::{due_ns, from_ms, jiffies};
 use super::text::{int_in, known, scan_unsigned, word};
-use super::{Context, Driver, Spec, Took, line, list, readable, readwriteable, wrap, writeable};
-use crate::ev3dev::{DcCommand as Command, Polarity};
+use super::{Attributes, Context, Driver, Took, line, list, wrap};
+use crate::ev3dev::{self, DcCommand as Command, Polarity};
 use crate::sim::physics::Bridge;
 
 const STOP_ACTIONS: [&str; 2] = ["coast", "brake"];
 const RAMP_PERIOD: i64 = 10;
 const DRIVER_NAME: &str = "rcx-motor";
-
-const ATTRIBUTES: &[Spec] = &[
-    readable("address"),
-    writeable("command"),
-    readable("commands"),
-    readable("driver_name"),
-    readable("duty_cycle"),
-    readwriteable("duty_cycle_sp"),
-    readwriteable("polarity"),
-    readwriteable("ramp_down_sp"),
-    readwriteable("ramp_up_sp"),
-    readable("state"),
-    writeable("stop_action"),
-    readable("stop_actions"),
-    readwriteable("time_sp"),
-];
 
 #[derive(Debug, Clone, Copy, Default)]
 struct SetPoints {
@@ -141,8 +125,8 @@ impl DcMotor {
 }
 
 impl Driver for DcMotor {
-    fn attributes(&self) -> &'static [Spec] {
-        ATTRIBUTES
+    fn attributes(&self) -> Attributes {
+        [ev3dev::DcMotor::ATTRIBUTES, &[]]
     }
 
     fn identity(&self) -> Option<(&'static str, &str)> {

@@ -12,9 +12,10 @@ use std::str::FromStr;
 
 use nix::errno::Errno;
 
-use super::{Context, Driver, Spec, Took, line, readable, readwriteable};
+use super::{Attributes, Context, Driver, Took, line, readable, readwriteable};
+use crate::ev3dev::AttributeSpec;
 
-const ATTRIBUTES: &[Spec] = &[
+const ATTRIBUTES: &[AttributeSpec] = &[
     readwriteable("bits_per_pixel"),
     readwriteable("modes"),
     readable("name"),
@@ -171,8 +172,8 @@ fn grey(row: &[u8], x: usize, bits_per_pixel: u32) -> u8 {
 }
 
 impl Driver for Lcd {
-    fn attributes(&self) -> &'static [Spec] {
-        ATTRIBUTES
+    fn attributes(&self) -> Attributes {
+        [ATTRIBUTES, &[]]
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {

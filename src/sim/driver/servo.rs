@@ -5,23 +5,10 @@
 use nix::errno::Errno;
 
 use super::text::{int_in, known, scan_signed, scan_unsigned};
-use super::{Context, Driver, Spec, Took, line, list, readable, readwriteable, writeable};
-use crate::ev3dev::{Polarity, ServoCommand};
+use super::{Attributes, Context, Driver, Took, line, list};
+use crate::ev3dev::{self, Polarity, ServoCommand};
 
 const DRIVER_NAME: &str = "servo-motor";
-
-const ATTRIBUTES: &[Spec] = &[
-    readable("address"),
-    writeable("command"),
-    readable("driver_name"),
-    readwriteable("max_pulse_sp"),
-    readwriteable("mid_pulse_sp"),
-    readwriteable("min_pulse_sp"),
-    readwriteable("polarity"),
-    readwriteable("position_sp"),
-    readwriteable("rate_sp"),
-    readable("state"),
-];
 
 /// One output of a servo controller.
 #[derive(Debug)]
@@ -61,8 +48,8 @@ impl ServoMotor {
 }
 
 impl Driver for ServoMotor {
-    fn attributes(&self) -> &'static [Spec] {
-        ATTRIBUTES
+    fn attributes(&self) -> Attributes {
+        [ev3dev::ServoMotor::ATTRIBUTES, &[]]
     }
 
     fn identity(&self) -> Option<(&'static str, &str)> {

@@ -24,8 +24,10 @@ pub(crate) use self::models::{MODELS, Model};
 use self::motor::{Motor, Ticked};
 use super::jiffies::{JIFFY_NS, due_ns, from_ms, jiffies};
 use super::text::{int, int_in, known, word};
-use super::{Context, Driver, Spec, Took, line, list, wrap};
-use crate::ev3dev::{Polarity, StopAction, TachoCommand as Command};
+use super::{Attributes, Context, Driver, Took, line, list, wrap};
+use crate::ev3dev::{
+    self, Linear, MotorKind as _, Polarity, Rotary, StopAction, TachoCommand as Command,
+};
 use crate::sim::board::MotorDriver;
 use crate::sim::physics::Bridge;
 
@@ -352,8 +354,9 @@ impl TachoMotor {
 }
 
 impl Driver for TachoMotor {
-    fn attributes(&self) -> &'static [Spec] {
-        self.model.attributes
+    fn attributes(&self) -> Attributes {
+        let own = if self.is_linear() { Linear::OWN_ATTRIBUTES } else { Rotary::OWN_ATTRIBUTES };
+        [ev3dev::TachoMotor::ATTRIBUTES, own]
     }
 
     fn identity(&self) -> Option<(&'static str, &str)> {

@@ -1,14 +1,12 @@
 //! The motors there are: the constants of `ev3_motor_defs.c`.
 
 use super::pid::Pid;
-use crate::sim::driver::{Spec, readable, readwriteable, writeable};
 use crate::sim::physics::MotorKind;
 
 /// A type of motor.
 #[derive(Debug)]
 pub(crate) struct Model {
     pub(crate) driver_name: &'static str,
-    pub(super) attributes: &'static [Spec],
     pub(super) max_speed: i32,
     hold_kp: i32,
     pub(super) full_travel_count: i32,
@@ -16,41 +14,6 @@ pub(crate) struct Model {
 
 pub(super) const COUNT_PER_ROT: i32 = 360;
 pub(super) const COUNT_PER_M: i32 = 2000;
-
-macro_rules! attributes {
-    ($($first:expr),+) => {
-        &[
-            $($first,)+
-            readable("address"),
-            writeable("command"),
-            readable("commands"),
-            readable("driver_name"),
-            readable("duty_cycle"),
-            readwriteable("duty_cycle_sp"),
-            readwriteable("hold_pid/Kd"),
-            readwriteable("hold_pid/Ki"),
-            readwriteable("hold_pid/Kp"),
-            readable("max_speed"),
-            readwriteable("polarity"),
-            readwriteable("position"),
-            readwriteable("position_sp"),
-            readwriteable("ramp_down_sp"),
-            readwriteable("ramp_up_sp"),
-            readable("speed"),
-            readwriteable("speed_pid/Kd"),
-            readwriteable("speed_pid/Ki"),
-            readwriteable("speed_pid/Kp"),
-            readwriteable("speed_sp"),
-            readable("state"),
-            readwriteable("stop_action"),
-            readable("stop_actions"),
-            readwriteable("time_sp"),
-        ]
-    };
-}
-
-const ROTARY: &[Spec] = attributes!(readable("count_per_rot"));
-const LINEAR: &[Spec] = attributes!(readable("count_per_m"), readable("full_travel_count"));
 
 /// All of them, in the order of the driver's own table: what `set_device` of an output port takes.
 pub(crate) static MODELS: [Model; 5] = [
@@ -62,11 +25,11 @@ pub(crate) static MODELS: [Model; 5] = [
 ];
 
 const fn rotary(driver_name: &'static str, max_speed: i32, hold_kp: i32) -> Model {
-    Model { driver_name, attributes: ROTARY, max_speed, hold_kp, full_travel_count: 0 }
+    Model { driver_name, max_speed, hold_kp, full_travel_count: 0 }
 }
 
 const fn linear(driver_name: &'static str, full_travel_count: i32) -> Model {
-    Model { driver_name, attributes: LINEAR, max_speed: 24, hold_kp: 40_000, full_travel_count }
+    Model { driver_name, max_speed: 24, hold_kp: 40_000, full_travel_count }
 }
 
 impl Model {
