@@ -233,21 +233,6 @@ impl Simulation {
         self.follow(&Order { robot, act: Act::Inject(port, fault, None) })
     }
 
-    /// As [`Simulation::inject`], for this many nanoseconds.
-    ///
-    /// # Errors
-    ///
-    /// [`FaultError`] where it does not fit or the device refuses.
-    pub fn inject_for(
-        &self,
-        robot: usize,
-        port: Port,
-        fault: DeviceFault,
-        for_ns: i64,
-    ) -> Result<(), FaultError> {
-        self.follow(&Order { robot, act: Act::Inject(port, fault, Some(for_ns)) })
-    }
-
     /// Takes all faults from a port; what was pulled is put back.
     ///
     /// # Errors

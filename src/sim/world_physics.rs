@@ -140,24 +140,6 @@ impl WorldPhysics {
         &self.world
     }
 
-    /// Makes something go wrong with a robot from the next step on.
-    pub fn fail(&mut self, robot: usize, fault: Fault) {
-        let Some((rig, motors)) = self.rigs.get_mut(robot).zip(self.motors.get_mut(robot)) else {
-            return;
-        };
-        let mut block = |out: usize, blocked| {
-            if let Some(motor) = motors.get_mut(out).and_then(Option::as_mut) {
-                motor.block(blocked);
-            }
-        };
-        match fault {
-            Fault::BlockedMotor(out) => block(out, true),
-            Fault::FreedMotor(out) => block(out, false),
-            Fault::BatteryV(volts) => rig.battery_v = volts,
-            Fault::OwnBattery => rig.battery_v = self.world.robot().errors.battery_v,
-        }
-    }
-
     /// Puts a robot elsewhere, standing still, as a hand would; the gyro does not notice the turn.
     pub fn carry(&mut self, robot: usize, pose: StartPose) {
         if let Some(body) = self.bodies.get_mut(robot) {
@@ -320,7 +302,20 @@ impl Physics for WorldPhysics {
     }
 
     fn fail(&mut self, robot: usize, fault: Fault) {
-        Self::fail(self, robot, fault);
+        let Some((rig, motors)) = self.rigs.get_mut(robot).zip(self.motors.get_mut(robot)) else {
+            return;
+        };
+        let mut block = |out: usize, blocked| {
+            if let Some(motor) = motors.get_mut(out).and_then(Option::as_mut) {
+                motor.block(blocked);
+            }
+        };
+        match fault {
+            Fault::BlockedMotor(out) => block(out, true),
+            Fault::FreedMotor(out) => block(out, false),
+            Fault::BatteryV(volts) => rig.battery_v = volts,
+            Fault::OwnBattery => rig.battery_v = self.world.robot().errors.battery_v,
+        }
     }
 
     fn place(&mut self, robot: usize, pose: Option<[f64; 3]>) -> bool {

@@ -53,24 +53,6 @@ impl LcdGeometry {
         }
     }
 
-    /// Pixels in a row.
-    #[must_use]
-    pub const fn width(self) -> u32 {
-        self.width
-    }
-
-    /// Rows.
-    #[must_use]
-    pub const fn height(self) -> u32 {
-        self.height
-    }
-
-    /// Bits of a pixel.
-    #[must_use]
-    pub const fn bits_per_pixel(self) -> u32 {
-        self.bits_per_pixel
-    }
-
     /// Bytes from one row to the next: a whole number of 32-bit words.
     #[must_use]
     pub const fn line_length(self) -> u32 {
