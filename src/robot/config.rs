@@ -252,9 +252,14 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     Some(config)
 }
 
+/// Whether a robot can be called so.
+pub(crate) fn is_name(name: &str) -> bool {
+    (1..=LONGEST_NAME).contains(&name.len()) && name.chars().all(is_printable)
+}
+
 fn name_of(item: &Item<'_>) -> Option<String> {
     let name = item.text()?;
-    if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(is_printable) {
+    if !is_name(name) {
         item.error(format!(
             "`{}` must be 1 to {LONGEST_NAME} bytes of text on one line",
             item.path()
@@ -426,12 +431,17 @@ fn named_motor(item: &Item<'_>) -> Option<NamedMotor> {
     Some(NamedMotor { name: name?, motor: motor?, max_rad_s: max_dps? * (PI / 180.0) })
 }
 
+/// Whether a motor or a sensor can be called so: conditions use the name.
+pub(crate) fn is_own_name(name: &str) -> bool {
+    name.starts_with(|first: char| first.is_ascii_alphabetic())
+        && name.len() <= LONGEST_NAME
+        && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_')
+}
+
 /// The name of a motor or a sensor, which conditions use.
 fn own_name(item: &Item<'_>, what: &str) -> Option<String> {
     let name = item.key();
-    let plain = name.starts_with(|first: char| first.is_ascii_alphabetic())
-        && name.len() <= LONGEST_NAME
-        && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_');
+    let plain = is_own_name(name);
     if !plain {
         item.error_at_key(format!("`{name}` is no name for a {what}"))
             .hint("a letter, then letters, digits and _: conditions use it");

@@ -22,14 +22,10 @@ use crate::mapping::OwnEchoes;
 use crate::units::{degrees, radians};
 
 use super::CalibrateError;
-use super::fit::{Kind, Measured, line, median};
+use super::fit::{Kind, Measured, median, slope};
 use super::stage::{Ended, Stage};
-use super::straight::{self, NEAR_M};
+use super::straight::{self, FEWEST_ECHOES, NEAR_M, RANGE_NOISE_M};
 use super::turns::turn;
-
-/// Legs with fewer echoes say nothing; farther off the line than this an echo is wrong, metres.
-const FEWEST_ECHOES: usize = 20;
-const RANGE_NOISE_M: f64 = 0.01;
 
 /// How far off anything else must be while own echoes are looked for, metres.
 const ROOM_M: f64 = 0.4;
@@ -58,7 +54,7 @@ pub(super) fn bias_and_scale(
          and wait there. Is it ready?",
     )?;
     let config = stage.config();
-    let metres_per_rad = config.wheel_circumference_m / (2.0 * PI);
+    let metres_per_rad = config.metres_per_rad();
     let (ahead_m, bias_m, scale) = config
         .range
         .as_ref()
@@ -84,21 +80,15 @@ pub(super) fn bias_and_scale(
             legs.push(distances(straight::leg(stage, way)?));
         }
     }
-    let slope = |leg: &Vec<[f64; 2]>| {
-        line(leg, RANGE_NOISE_M, FEWEST_ECHOES).map_or(f64::NAN, |(_, slope)| slope)
-    };
-    let [back, ahead] = [0, 1].map(|way: usize| {
-        legs.get(way).map(|legs| legs.iter().map(slope).collect::<Vec<_>>()).unwrap_or_default()
-    });
+    let slope = |leg: &Vec<[f64; 2]>| slope(leg, RANGE_NOISE_M, FEWEST_ECHOES).unwrap_or(f64::NAN);
+    let [back, ahead] = legs.each_ref().map(|legs| legs.iter().map(slope).collect::<Vec<_>>());
     let scale = Measured::new(Kind::Ratio, scale, [&ahead, &back]);
     // By the mean scale: each leg's own would turn its line about the middle of the way.
     let offset = |leg: &Vec<[f64; 2]>| {
         let off = leg.iter().map(|[distance_m, reading_m]| reading_m - scale.after * distance_m);
         median(off.collect()).unwrap_or(f64::NAN)
     };
-    let [back, ahead] = [0, 1].map(|way: usize| {
-        legs.get(way).map(|legs| legs.iter().map(offset).collect::<Vec<_>>()).unwrap_or_default()
-    });
+    let [back, ahead] = legs.each_ref().map(|legs| legs.iter().map(offset).collect::<Vec<_>>());
     Ok([Measured::new(Kind::Offset, bias_m, [&ahead, &back]), scale])
 }
 
