@@ -100,8 +100,7 @@ impl ColourSensor {
     /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode;
     /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond 0 to 100.
     pub fn reflected_pct(&self) -> Result<f64, DeviceError> {
-        self.mode_among(&[ColourMode::Reflect], &["COL-REFLECT"])?;
-        self.first_value(0, 100).map(f64::from)
+        self.first_in(ColourMode::Reflect, 0, 100).map(f64::from)
     }
 
     /// Light from elsewhere, percent. Mode [`ColourMode::Ambient`].
@@ -110,8 +109,7 @@ impl ColourSensor {
     ///
     /// As [`ColourSensor::reflected_pct`].
     pub fn ambient_pct(&self) -> Result<f64, DeviceError> {
-        self.mode_among(&[ColourMode::Ambient], &["COL-AMBIENT"])?;
-        self.first_value(0, 100).map(f64::from)
+        self.first_in(ColourMode::Ambient, 0, 100).map(f64::from)
     }
 
     /// The colour below. Mode [`ColourMode::Colour`].
@@ -120,8 +118,7 @@ impl ColourSensor {
     ///
     /// As [`ColourSensor::reflected_pct`], with 0 to 7.
     pub fn colour(&self) -> Result<Colour, DeviceError> {
-        self.mode_among(&[ColourMode::Colour], &["COL-COLOR"])?;
-        let number = self.first_value(0, 7)?;
+        let number = self.first_in(ColourMode::Colour, 0, 7)?;
         let colour =
             usize::try_from(number).ok().and_then(|number| Colour::ALL.get(number).copied());
         colour.ok_or_else(|| self.sensor().illegal(number, 0, 7))
@@ -134,8 +131,9 @@ impl ColourSensor {
     ///
     /// As [`ColourSensor::reflected_pct`].
     pub fn raw_reflection(&self) -> Result<RawReflection, DeviceError> {
-        self.mode_among(&[ColourMode::RefRaw], &["REF-RAW"])?;
-        self.frame(|frame| Some(RawReflection { lit: frame.whole(0)?, dark: frame.whole(1)? }))
+        self.frame_in(ColourMode::RefRaw, |frame| {
+            Some(RawReflection { lit: frame.whole(0)?, dark: frame.whole(1)? })
+        })
     }
 
     /// The converter's numbers by colour, of one frame. Mode [`ColourMode::RgbRaw`].
@@ -144,8 +142,7 @@ impl ColourSensor {
     ///
     /// As [`ColourSensor::reflected_pct`].
     pub fn raw_rgb(&self) -> Result<RawRgb, DeviceError> {
-        self.mode_among(&[ColourMode::RgbRaw], &["RGB-RAW"])?;
-        self.frame(raw_rgb)
+        self.frame_in(ColourMode::RgbRaw, raw_rgb)
     }
 }
 

@@ -119,8 +119,7 @@ impl InfraredSensor {
     /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode;
     /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond 0 to 100.
     pub fn proximity_pct(&self) -> Result<f64, DeviceError> {
-        self.mode_among(&[InfraredMode::Proximity], &["IR-PROX"])?;
-        self.first_value(0, 100).map(f64::from)
+        self.first_in(InfraredMode::Proximity, 0, 100).map(f64::from)
     }
 
     /// The beacons on channels 1 to 4, of one frame; `None` if there is none. Mode
@@ -130,8 +129,7 @@ impl InfraredSensor {
     ///
     /// As [`InfraredSensor::proximity_pct`].
     pub fn beacons(&self) -> Result<[Option<Beacon>; 4], DeviceError> {
-        self.mode_among(&[InfraredMode::Seek], &["IR-SEEK"])?;
-        self.frame(beacons)
+        self.frame_in(InfraredMode::Seek, beacons)
     }
 
     /// What is pressed on channels 1 to 4, of one frame. Mode [`InfraredMode::Remote`].
@@ -140,8 +138,7 @@ impl InfraredSensor {
     ///
     /// As [`InfraredSensor::proximity_pct`], with 0 to 11.
     pub fn remotes(&self) -> Result<[RemoteCode; 4], DeviceError> {
-        self.mode_among(&[InfraredMode::Remote], &["IR-REMOTE"])?;
-        self.frame(remotes)
+        self.frame_in(InfraredMode::Remote, remotes)
     }
 
     /// What is pressed on channel 1: a short text instead of a frame. Mode
@@ -151,8 +148,7 @@ impl InfraredSensor {
     ///
     /// As [`InfraredSensor::remotes`].
     pub fn remote(&self) -> Result<RemoteCode, DeviceError> {
-        self.mode_among(&[InfraredMode::Remote], &["IR-REMOTE"])?;
-        let number = self.first_value(0, 11)?;
+        let number = self.first_in(InfraredMode::Remote, 0, 11)?;
         code(number.into()).ok_or_else(|| self.sensor().illegal(number, 0, 11))
     }
 
@@ -163,8 +159,7 @@ impl InfraredSensor {
     ///
     /// As [`InfraredSensor::proximity_pct`], with 256 to 511.
     pub fn remote_buttons(&self) -> Result<RemoteButtons, DeviceError> {
-        self.mode_among(&[InfraredMode::RemoteA], &["IR-REM-A"])?;
-        let bits = self.first_value(256, 511)?;
+        let bits = self.first_in(InfraredMode::RemoteA, 256, 511)?;
         if bits == REM_A_NOTHING {
             return Ok(RemoteButtons::default());
         }
