@@ -52,8 +52,7 @@ impl Quantity {
     /// A value for people.
     #[must_use]
     pub fn told(&self, value: f64) -> String {
-        if let Some((name, _)) = self.values().iter().find(|(_, known)| (known - value).abs() < 0.5)
-        {
+        if let Some((name, _)) = self.values().find(|(_, known)| (known - value).abs() < 0.5) {
             return name.replace('_', " ");
         }
         if !value.is_finite() {

@@ -28,41 +28,31 @@ sensor_modes!(ColourMode, Colour);
 /// The colour sensor, `lego-ev3-color`.
 pub type ColourSensor = TypedSensor<ColourMode>;
 
-/// What the sensor takes a surface for; the discriminant is the sensor's number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum Colour {
-    /// Nothing near enough.
-    None = 0,
-    /// Black.
-    Black = 1,
-    /// Blue.
-    Blue = 2,
-    /// Green.
-    Green = 3,
-    /// Yellow.
-    Yellow = 4,
-    /// Red.
-    Red = 5,
-    /// White.
-    White = 6,
-    /// Brown.
-    Brown = 7,
+words! {
+    /// What the sensor takes a surface for, with its name in missions and worlds; the discriminant
+    /// is the sensor's number.
+    #[repr(u8)]
+    Colour {
+        /// Nothing near enough.
+        None = "none",
+        /// Black.
+        Black = "black",
+        /// Blue.
+        Blue = "blue",
+        /// Green.
+        Green = "green",
+        /// Yellow.
+        Yellow = "yellow",
+        /// Red.
+        Red = "red",
+        /// White.
+        White = "white",
+        /// Brown.
+        Brown = "brown",
+    }
 }
 
 impl Colour {
-    /// Every colour, by its number.
-    pub const ALL: [Self; 8] = [
-        Self::None,
-        Self::Black,
-        Self::Blue,
-        Self::Green,
-        Self::Yellow,
-        Self::Red,
-        Self::White,
-        Self::Brown,
-    ];
-
     /// The sensor's number for it.
     #[must_use]
     pub const fn number(self) -> u8 {

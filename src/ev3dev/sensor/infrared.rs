@@ -36,54 +36,40 @@ pub struct Beacon {
     pub distance_pct: f64,
 }
 
-/// What is pressed on one channel of the remote; the discriminant is the sensor's code. Red is the
-/// left column, blue the right; more than two buttons mostly read as none.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum RemoteCode {
-    /// Nothing.
-    None = 0,
-    /// Red up.
-    RedUp = 1,
-    /// Red down.
-    RedDown = 2,
-    /// Blue up.
-    BlueUp = 3,
-    /// Blue down.
-    BlueDown = 4,
-    /// Red up and blue up.
-    RedUpBlueUp = 5,
-    /// Red up and blue down.
-    RedUpBlueDown = 6,
-    /// Red down and blue up.
-    RedDownBlueUp = 7,
-    /// Red down and blue down.
-    RedDownBlueDown = 8,
-    /// The beacon is on.
-    Beacon = 9,
-    /// Red up and red down.
-    RedUpRedDown = 10,
-    /// Blue up and blue down.
-    BlueUpBlueDown = 11,
+words! {
+    /// What is pressed on one channel of the remote, with its name in missions; the discriminant is
+    /// the sensor's code. Red is the left column, blue the right; more than two buttons mostly read
+    /// as none.
+    #[repr(u8)]
+    RemoteCode {
+        /// Nothing.
+        None = "none",
+        /// Red up.
+        RedUp = "left_up",
+        /// Red down.
+        RedDown = "left_down",
+        /// Blue up.
+        BlueUp = "right_up",
+        /// Blue down.
+        BlueDown = "right_down",
+        /// Red up and blue up.
+        RedUpBlueUp = "both_up",
+        /// Red up and blue down.
+        RedUpBlueDown = "left_up_right_down",
+        /// Red down and blue up.
+        RedDownBlueUp = "left_down_right_up",
+        /// Red down and blue down.
+        RedDownBlueDown = "both_down",
+        /// The beacon is on.
+        Beacon = "beacon",
+        /// Red up and red down.
+        RedUpRedDown = "left_up_left_down",
+        /// Blue up and blue down.
+        BlueUpBlueDown = "right_up_right_down",
+    }
 }
 
 impl RemoteCode {
-    /// Every code, by its number.
-    pub const ALL: [Self; 12] = [
-        Self::None,
-        Self::RedUp,
-        Self::RedDown,
-        Self::BlueUp,
-        Self::BlueDown,
-        Self::RedUpBlueUp,
-        Self::RedUpBlueDown,
-        Self::RedDownBlueUp,
-        Self::RedDownBlueDown,
-        Self::Beacon,
-        Self::RedUpRedDown,
-        Self::BlueUpBlueDown,
-    ];
-
     /// The sensor's code for it.
     #[must_use]
     pub const fn number(self) -> u8 {
