@@ -26,7 +26,7 @@ use super::driver::dc::DcMotor;
 use super::driver::input::{Buttons, Speaker};
 use super::driver::lcd::Lcd;
 use super::driver::led::Led;
-use super::driver::sensor::{Sensor, model};
+use super::driver::sensor::Sensor;
 use super::driver::servo::ServoMotor;
 use super::driver::tacho::TachoMotor;
 use super::driver::{Context, Driver, Stored, line, readwriteable};
@@ -228,42 +228,33 @@ impl Brick {
         let board = self.board;
         let address = address(board, index);
         let out = index.saturating_sub(FIRST_OUTPUT);
-        let (class, name, device) = match wanted {
+        let [analog, serial, motor_driver] = board.bus;
+        let (class, name, bus_driver, device) = match wanted {
             Wanted::Tacho(model) => {
                 let count =
                     (physics.edges(self.robot, out), physics.edge_position(self.robot, out));
                 let motor = TachoMotor::new(model, &board.motors, address, count, now_ns);
-                let number = next(&mut self.counters.tacho);
-                let name = if motor.is_linear() {
-                    format!("linear{number}")
-                } else {
-                    format!("motor{number}")
-                };
-                (Class::TachoMotor, name, Device::Tacho(out, Box::new(motor)))
+                let kind = if motor.is_linear() { "linear" } else { "motor" };
+                let name = format!("{kind}{}", next(&mut self.counters.tacho));
+                (Class::TachoMotor, name, motor_driver, Device::Tacho(out, Box::new(motor)))
             }
             Wanted::Dc => {
                 let name = format!("motor{}", next(&mut self.counters.dc));
-                (Class::DcMotor, name, Device::Dc(out, DcMotor::new(address)))
+                (Class::DcMotor, name, "rcx-motor", Device::Dc(out, DcMotor::new(address)))
             }
             Wanted::Led => {
-                (Class::Leds, format!("{address}::brick-status"), Device::Led(Led::new(0, 100)))
+                let name = format!("{address}::brick-status");
+                (Class::Leds, name, "rcx-led", Device::Led(Led::new(0, 100)))
             }
             Wanted::Sensor(kind) => {
                 let name = format!("sensor{}", next(&mut self.counters.sensor));
                 let sensor =
                     Sensor::new(kind, address, self.options.gyro, board.polls_ns(), now_ns);
-                (Class::Sensor, name, Device::Sensor(index, Box::new(sensor)))
+                let bus_driver = if sensor.model.uart { serial } else { analog };
+                (Class::Sensor, name, bus_driver, Device::Sensor(index, Box::new(sensor)))
             }
         };
         let id = self.register(class, name, now_ns, device);
-        let [analog, serial, motor_driver] = board.bus;
-        let bus_driver = match wanted {
-            Wanted::Tacho(_) => motor_driver,
-            Wanted::Dc => "rcx-motor",
-            Wanted::Led => "rcx-led",
-            Wanted::Sensor(kind) if model(kind).uart => serial,
-            Wanted::Sensor(_) => analog,
-        };
         let driver_name = self.driver_name(id).unwrap_or_default();
         let bound = Device::Bus(BusDevice::new(bus_driver, driver_name, address));
         let on_bus =

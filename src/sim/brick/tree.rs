@@ -59,7 +59,7 @@ impl Brick {
             let files = files.map(|(_, name)| self.other_file(name));
             folders.iter().map(|name| Entry::folder(name)).chain(files).collect()
         } else if folder == "sys/class" {
-            Class::ALL.iter().map(|class| Entry::folder(class.as_str())).collect()
+            Class::in_sys_class().map(|class| Entry::folder(class.as_str())).collect()
         } else if folder == BUS_DEVICES {
             self.names(Class::LegoBus).map(Entry::link).collect()
         } else if folder == BUS_DRIVERS.trim_end_matches('/') {
@@ -77,10 +77,8 @@ impl Brick {
         {
             entries
         } else if let Some(class) = folder.strip_prefix("sys/class/") {
-            let class = Class::ALL
-                .into_iter()
-                .find(|known| known.as_str() == class)
-                .ok_or(Errno::ENOENT)?;
+            let class =
+                Class::in_sys_class().find(|known| known.as_str() == class).ok_or(Errno::ENOENT)?;
             self.names(class).map(Entry::link).collect()
         } else {
             self.folders_between(folder.strip_prefix("sys/").ok_or(Errno::ENOENT)?)?

@@ -7,7 +7,7 @@
 use nix::errno::Errno;
 
 use super::jiffies::{due_ns, from_ms, jiffies};
-use super::text::{int_in, known, scan_unsigned, word};
+use super::text::{int, known, scan_unsigned, within, word};
 use super::{Attributes, Context, Driver, Took, line, list, wrap};
 use crate::ev3dev::{self, DcCommand as Command, Polarity};
 use crate::sim::physics::Bridge;
@@ -157,7 +157,7 @@ impl Driver for DcMotor {
         match attribute {
             "command" => self.command(known(bytes)?, context.now_ns),
             "duty_cycle_sp" => {
-                self.set.duty = int_in(bytes, -100, 100)?;
+                self.set.duty = within(int(bytes)?, -100..=100)?;
                 if self.command == Command::RunDirect {
                     let duty = self.set.duty;
                     self.active.duty = if self.active.inversed { -duty } else { duty };
@@ -166,16 +166,11 @@ impl Driver for DcMotor {
             }
             "polarity" => self.set.inversed = known::<Polarity>(bytes)? == Polarity::Inversed,
             "stop_action" => self.set.brake = word(bytes, STOP_ACTIONS)? == 1,
-            "ramp_up_sp" => self.set.ramp_up_ms = ramp_ms(bytes)?,
-            "ramp_down_sp" => self.set.ramp_down_ms = ramp_ms(bytes)?,
-            "time_sp" => self.set.time_ms = int_in(bytes, 0, 60_000)?,
+            "ramp_up_sp" => self.set.ramp_up_ms = within(scan_unsigned(bytes)?, 0..=10_000)?,
+            "ramp_down_sp" => self.set.ramp_down_ms = within(scan_unsigned(bytes)?, 0..=10_000)?,
+            "time_sp" => self.set.time_ms = within(int(bytes)?, 0..=60_000)?,
             _ => return Err(Errno::EIO),
         }
         Ok(None)
     }
-}
-
-fn ramp_ms(bytes: &[u8]) -> Result<u32, Errno> {
-    let ms = scan_unsigned(bytes)?;
-    if ms <= 10_000 { Ok(ms) } else { Err(Errno::EINVAL) }
 }

@@ -4,7 +4,7 @@
 
 use nix::errno::Errno;
 
-use super::text::{int_in, known, scan_signed, scan_unsigned};
+use super::text::{int, known, scan_signed, scan_unsigned, within};
 use super::{Attributes, Context, Driver, Took, line, list};
 use crate::ev3dev::{self, Polarity, ServoCommand};
 
@@ -73,19 +73,14 @@ impl Driver for ServoMotor {
     fn store(&mut self, attribute: &str, bytes: &[u8], _context: &mut Context<'_>) -> Took {
         match attribute {
             "command" => self.runs = known::<ServoCommand>(bytes)? == ServoCommand::Run,
-            "min_pulse_sp" => self.min_pulse_us = scan_in(bytes, 0, 1000)?,
-            "mid_pulse_sp" => self.mid_pulse_us = scan_in(bytes, 1000, 2000)?,
-            "max_pulse_sp" => self.max_pulse_us = scan_in(bytes, 2000, 3000)?,
+            "min_pulse_sp" => self.min_pulse_us = within(scan_signed(bytes)?, 0..=1000)?,
+            "mid_pulse_sp" => self.mid_pulse_us = within(scan_signed(bytes)?, 1000..=2000)?,
+            "max_pulse_sp" => self.max_pulse_us = within(scan_signed(bytes)?, 2000..=3000)?,
             "polarity" => self.inversed = known::<Polarity>(bytes)? == Polarity::Inversed,
-            "position_sp" => self.position_pct = int_in(bytes, -100, 100)?,
+            "position_sp" => self.position_pct = within(int(bytes)?, -100..=100)?,
             "rate_sp" => *self.rate_ms.as_mut().ok_or(Errno::EOPNOTSUPP)? = scan_unsigned(bytes)?,
             _ => return Err(Errno::EIO),
         }
         Ok(None)
     }
-}
-
-fn scan_in(bytes: &[u8], least: i32, most: i32) -> Result<i32, Errno> {
-    let value = scan_signed(bytes)?;
-    if (least..=most).contains(&value) { Ok(value) } else { Err(Errno::EINVAL) }
 }
