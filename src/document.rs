@@ -221,6 +221,19 @@ impl<'d> Section<'d> {
         self.section(key).map(|section| section.items()).unwrap_or_default()
     }
 
+    /// The tables of a list such as `[[wall]]`; none without the key, and where there are more than
+    /// `most`, which is a finding with a hint.
+    pub(crate) fn tables(&self, key: &str, most: usize, hint: &str) -> Vec<Section<'d>> {
+        let Some(item) = self.get(key) else { return Vec::new() };
+        let list = item.list().unwrap_or_default();
+        if list.len() > most {
+            let message = format!("there are {} of `{key}`; at most {most} are read", list.len());
+            item.error_at_key(message).hint(hint);
+            return Vec::new();
+        }
+        list.iter().filter_map(Item::section).collect()
+    }
+
     /// Adds an error at the table's own place.
     pub fn error(&self, message: String) -> Noted<'d> {
         note(self.source, self.place.clone(), Severity::Error, message)

@@ -9,7 +9,6 @@ mod range;
 mod stop_button;
 
 use std::collections::BTreeMap;
-use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
 pub use stop_button::StopButton;
@@ -428,7 +427,7 @@ fn named_motor(item: &Item<'_>) -> Option<NamedMotor> {
     let name = own_name(item, "motor");
     let motor = motor_role(&section);
     let max_dps = section.require("max_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
-    Some(NamedMotor { name: name?, motor: motor?, max_rad_s: max_dps? * (PI / 180.0) })
+    Some(NamedMotor { name: name?, motor: motor?, max_rad_s: radians(max_dps?) })
 }
 
 /// Whether a motor or a sensor can be called so: conditions use the name.

@@ -116,8 +116,10 @@ impl Simulation {
         options: Options,
     ) -> Self {
         let bricks: Vec<Brick> = (0..physics.robots())
-            .zip(seed..)
-            .map(|(robot, seed)| Brick::new(robot, physics.as_mut(), options, seed))
+            .zip(0..)
+            .map(|(robot, nth)| {
+                Brick::new(robot, physics.as_mut(), options, seed.wrapping_add(nth))
+            })
             .collect();
         let bridges = vec![[Bridge::Coast; 4]; bricks.len()];
         let state = State {
