@@ -419,7 +419,7 @@ impl Robot {
                 .is_some_and(|button| held.contains(button) || changes.pressed.contains(button));
             senses.set(*channel, f64::from(u8::from(is_down)));
         }
-        [Button::Enter, Button::Back].into_iter().any(|stop| changes.pressed.contains(stop))
+        changes.pressed.stops()
     }
 
     /// The speed that takes the head to an angle within its limits, radians per second.

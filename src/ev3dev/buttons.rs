@@ -76,6 +76,12 @@ impl ButtonSet {
         self.0 == 0
     }
 
+    /// Whether one that stops a run is among them: Enter or Back.
+    #[must_use]
+    pub const fn stops(self) -> bool {
+        self.contains(Button::Enter) || self.contains(Button::Back)
+    }
+
     /// The buttons.
     pub fn iter(self) -> impl Iterator<Item = Button> {
         Button::ALL.iter().copied().filter(move |button| self.contains(*button))

@@ -10,7 +10,7 @@ mod port;
 pub(crate) mod tree;
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use nix::errno::Errno;
 use rand_chacha::ChaCha8Rng;
@@ -34,6 +34,7 @@ use super::fault::{PortFaults, Reading};
 use super::physics::{Bridge, Physics};
 use super::simulation::Options;
 use crate::ev3dev::{AttributeSpec, Hue};
+use crate::threads::lock;
 
 /// Ports before this one are input ports.
 const FIRST_OUTPUT: usize = 4;
@@ -442,7 +443,7 @@ impl Brick {
 fn address(board: &'static Board, index: usize) -> &'static str {
     static MADE: Mutex<BTreeMap<String, &'static str>> = Mutex::new(BTreeMap::new());
     let address = board.address(index).unwrap_or_default();
-    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut made = lock(&MADE);
     made.entry(address).or_insert_with_key(|address| String::leak(address.clone()))
 }
 

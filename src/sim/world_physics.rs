@@ -17,7 +17,7 @@
 mod truth;
 
 use std::f64::consts::PI;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 pub use self::truth::{Observer, Truth};
 use super::body::{Body, Outline, Solver, Wheel, metres_per_radian};
@@ -28,6 +28,7 @@ use super::sensors::{Gyro, Scene, one};
 use super::world::geometry::{Point, Surfaces};
 use super::world::{RobotModel, StartPose, World};
 use crate::clock::seconds;
+use crate::threads::lock;
 use crate::units::radians;
 
 /// What a head adds to its motor's shaft: about 50 g, 3 cm from the axis, through 12:36.
@@ -210,7 +211,7 @@ impl WorldPhysics {
 
     fn publish(&mut self) {
         let model = self.world.robot();
-        let mut truths = self.truths.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut truths = lock(&self.truths);
         truths.clear();
         truths.extend(self.bodies.iter().zip(&self.motors).zip(&mut self.rigs).map(
             |((body, motors), rig)| {
