@@ -239,26 +239,17 @@ impl Look<'_> {
                 ));
             }
             match self.part(&port, guess, draft)? {
-                MotorUse::Again => {}
-                MotorUse::Nothing => return Ok(()),
-                MotorUse::Left => {
-                    draft.left = Some(self.wheel(port)?);
-                    return Ok(());
-                }
-                MotorUse::Right => {
-                    draft.right = Some(self.wheel(port)?);
-                    return Ok(());
-                }
-                MotorUse::Head => {
-                    draft.head = Some(self.head(port)?);
-                    return Ok(());
-                }
+                MotorUse::Again => continue,
+                MotorUse::Nothing => {}
+                MotorUse::Left => draft.left = Some(self.wheel(port)?),
+                MotorUse::Right => draft.right = Some(self.wheel(port)?),
+                MotorUse::Head => draft.head = Some(self.head(port)?),
                 MotorUse::Other => {
                     let name = self.motor_name(draft)?;
                     draft.motors.push((name, port));
-                    return Ok(());
                 }
             }
+            return Ok(());
         }
     }
 

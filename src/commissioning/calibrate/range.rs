@@ -19,7 +19,7 @@ use std::f64::consts::PI;
 
 use crate::commissioning::Dialogue;
 use crate::mapping::OwnEchoes;
-use crate::units::{degrees, radians};
+use crate::units::{degrees, radians, rounded_to};
 
 use super::CalibrateError;
 use super::fit::{Kind, Measured, median, slope};
@@ -64,7 +64,7 @@ pub(super) fn bias_and_scale(
     let axle_m = dialogue.number(
         "How far is the wall from the middle between the wheels, in metres, to the millimetre \
          (such as 0.254)?",
-        libm::round((range_m.min(NEAR_M) + ahead_m) * 1000.0) / 1000.0,
+        rounded_to(range_m.min(NEAR_M) + ahead_m, 1000.0),
         0.05..=2.0,
     )?;
     let from_rad = f64::midpoint(from.left_rad, from.right_rad);
@@ -118,6 +118,15 @@ pub(super) fn own_echoes(
     let seen_deg = 2.0 * degrees(limit_rad.min(PI));
     if own.len() > OwnEchoes::MAX || wide_deg > MOST_SHARE * seen_deg {
         return Err(CalibrateError::NoRoom { at_m: ROOM_M });
+    }
+    for [from_deg, to_deg, range_m] in &own {
+        dialogue.say(&format!(
+            "the sensor hears the robot itself from {from_deg:.0} to {to_deg:.0} degrees of the \
+             head, at {range_m:.3} m"
+        ));
+    }
+    if own.is_empty() {
+        dialogue.say("the sensor does not hear the robot itself");
     }
     Ok(own)
 }
