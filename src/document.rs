@@ -223,6 +223,7 @@ impl<'d> Section<'d> {
 
     /// The tables of a list such as `[[wall]]`; none without the key, and where there are more than
     /// `most`, which is a finding with a hint.
+    #[cfg(feature = "sim")]
     pub(crate) fn tables(&self, key: &str, most: usize, hint: &str) -> Vec<Section<'d>> {
         let Some(item) = self.get(key) else { return Vec::new() };
         let list = item.list().unwrap_or_default();

@@ -5,7 +5,7 @@
 //! ring, so that the tick runs as before.
 
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, Thread};
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ use super::sink::{RecordError, Sink};
 use super::status::Status;
 use super::tick::{Dropped, Entry, Flags, State, TickSide};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
-use crate::threads::spawn;
+use crate::threads::{lock, spawn};
 
 /// Checkpoints on their way at most: one comes in a second.
 const STATES: usize = 4;
@@ -130,7 +130,7 @@ impl Recorder {
     pub fn finish<S>(mut self, tick_side: TickSide<S>, end: End) -> Result<Summary, RecordError> {
         let dropped = tick_side.dropped();
         {
-            let mut closing = self.end.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut closing = lock(&self.end);
             *closing = Closing { end: Some(end), pending: tick_side.pending() };
         }
         drop(tick_side);
@@ -236,7 +236,7 @@ impl<S: Serialize> Work<S> {
     }
 
     fn close(&mut self, mut encoder: Encoder) -> Result<u64, RecordError> {
-        let closing = std::mem::take(&mut *self.end.lock().unwrap_or_else(PoisonError::into_inner));
+        let closing = std::mem::take(&mut *lock(&self.end));
         (self.on_status)(encoder.status());
         let ending = closing.end.as_ref().map(of_end);
         let finished = finish(&mut encoder, &closing).and_then(|()| encoder.file.finish(ending));
