@@ -435,6 +435,19 @@ impl<'d> Item<'d> {
         numbers.try_into().ok()
     }
 
+    /// The value as a gear, teeth on the motor and on what it turns: turns of the latter for one of
+    /// the motor. A minus turns it round.
+    pub(crate) fn gear(&self) -> Option<f64> {
+        const MOST_TEETH: f64 = 1000.0;
+        let [motor, driven] = self.numbers::<2>(-MOST_TEETH..=MOST_TEETH)?;
+        if motor.abs() < 1.0 || driven.abs() < 1.0 {
+            self.error(format!("`{}` counts teeth: each number is at least 1", self.path))
+                .hint("such as [12, 36]: 12 teeth on the motor turn a wheel of 36");
+            return None;
+        }
+        Some(motor / driven)
+    }
+
     /// True where the value is text: for keys that take a number or an expression.
     pub fn is_text(&self) -> bool {
         self.value.get_ref().is_str()

@@ -322,21 +322,9 @@ fn drive(section: &Section<'_>) -> Option<Drive> {
 fn motor_role(section: &Section<'_>) -> Option<MotorRole> {
     let port = port(section);
     let inverted = section.value_or("inverted", false, |item| item.flag());
-    let gear = section.value_or("gear", 1.0, gear);
+    let gear = section.value_or("gear", 1.0, |item| item.gear());
     let direction = if inverted? { -1.0 } else { 1.0 };
     Some(MotorRole { port: port?, ratio: gear? * direction })
-}
-
-/// Teeth on the motor and on what it turns; a minus turns it round.
-fn gear(item: &Item<'_>) -> Option<f64> {
-    const MOST_TEETH: f64 = 1000.0;
-    let [motor, driven] = item.numbers::<2>(-MOST_TEETH..=MOST_TEETH)?;
-    if motor.abs() < 1.0 || driven.abs() < 1.0 {
-        item.error(format!("`{}` counts teeth: each number is at least 1", item.path()))
-            .hint("such as [12, 36]: 12 teeth on the motor turn a wheel of 36");
-        return None;
-    }
-    Some(motor / driven)
 }
 
 #[expect(clippy::option_option, reason = "absent and wrong are different")]
