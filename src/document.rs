@@ -31,6 +31,7 @@ mod load;
 mod parts;
 pub mod save;
 mod syntax;
+mod values;
 
 pub(crate) use finding::nearest_or_all;
 pub use finding::{Finding, Findings, Severity, nearest};
@@ -219,20 +220,6 @@ impl<'d> Section<'d> {
     /// All keys of the table under a key, as [`Section::items`]; none where it is not there.
     pub(crate) fn items_of(&self, key: &str) -> Vec<Item<'d>> {
         self.section(key).map(|section| section.items()).unwrap_or_default()
-    }
-
-    /// The tables of a list such as `[[wall]]`; none without the key, and where there are more than
-    /// `most`, which is a finding with a hint.
-    #[cfg(feature = "sim")]
-    pub(crate) fn tables(&self, key: &str, most: usize, hint: &str) -> Vec<Section<'d>> {
-        let Some(item) = self.get(key) else { return Vec::new() };
-        let list = item.list().unwrap_or_default();
-        if list.len() > most {
-            let message = format!("there are {} of `{key}`; at most {most} are read", list.len());
-            item.error_at_key(message).hint(hint);
-            return Vec::new();
-        }
-        list.iter().filter_map(Item::section).collect()
     }
 
     /// Adds an error at the table's own place.
@@ -433,19 +420,6 @@ impl<'d> Item<'d> {
             return None;
         }
         numbers.try_into().ok()
-    }
-
-    /// The value as a gear, teeth on the motor and on what it turns: turns of the latter for one of
-    /// the motor. A minus turns it round.
-    pub(crate) fn gear(&self) -> Option<f64> {
-        const MOST_TEETH: f64 = 1000.0;
-        let [motor, driven] = self.numbers::<2>(-MOST_TEETH..=MOST_TEETH)?;
-        if motor.abs() < 1.0 || driven.abs() < 1.0 {
-            self.error(format!("`{}` counts teeth: each number is at least 1", self.path))
-                .hint("such as [12, 36]: 12 teeth on the motor turn a wheel of 36");
-            return None;
-        }
-        Some(motor / driven)
     }
 
     /// True where the value is text: for keys that take a number or an expression.
