@@ -31,6 +31,7 @@ mod load;
 mod parts;
 pub mod save;
 mod syntax;
+mod values;
 
 pub(crate) use finding::nearest_or_all;
 pub use finding::{Finding, Findings, Severity, nearest};

@@ -50,6 +50,7 @@ use trouble::Troubles;
 pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::{BindError, PLUG_AGAIN, PLUG_IN};
 pub use config::{HeadRole, MotorRole, NamedMotor, NamedSensor, RobotConfig, StopButton};
+pub(crate) use config::{is_name, is_own_name};
 pub use halt::{HaltError, Halted, brake_all, halt, still, watch_still};
 pub use lease::{Aspect, LEASE_MS, LeasedMotor, RENEW_NS};
 pub use ports::{equip, equip_port};
@@ -418,7 +419,7 @@ impl Robot {
                 .is_some_and(|button| held.contains(button) || changes.pressed.contains(button));
             senses.set(*channel, f64::from(u8::from(is_down)));
         }
-        [Button::Enter, Button::Back].into_iter().any(|stop| changes.pressed.contains(stop))
+        changes.pressed.stops()
     }
 
     /// The speed that takes the head to an angle within its limits, radians per second.

@@ -43,7 +43,7 @@ pub use fault::{
 };
 pub use files::SimBrick;
 pub use motor::{Motor, MotorConstants};
-pub use mount::{Found, Mount, MountError, MountOptions, Remedy, Unfit};
+pub use mount::{Found, Mount, MountError, Remedy, Unfit};
 pub use physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 pub use ports::Port;
 pub use simulation::{MOST_BEHIND_NS, Options, Plugged, Simulation, Written};

@@ -16,8 +16,8 @@ use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::ev3dev::{EV3, PLATFORMS, Platform};
 use crate::sim::{
-    Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, MountOptions,
-    Options, Order, Scenario, Simulation, WorldPhysics, still,
+    Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, Options, Order,
+    Scenario, Simulation, WorldPhysics, still,
 };
 use crate::simulated::furnished;
 
@@ -235,8 +235,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     arguments.show.as_ref().map_or(Ok(()), |file| draw(file, &simulation))?;
     let events =
         if arguments.event_bits == "32" { EventLayout::Bits32 } else { EventLayout::Bits64 };
-    let (mount, found) = Mount::new(&simulation, mountpoint, MountOptions { events })
-        .map_err(|error| refused(&error))?;
+    let (mount, found) =
+        Mount::new(&simulation, mountpoint, events).map_err(|error| refused(&error))?;
     tell(arguments, &mount, found, output);
     #[cfg(feature = "host")]
     let _page = page(arguments, &simulation, output)?;

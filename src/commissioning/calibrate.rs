@@ -42,6 +42,7 @@ use crate::document::Findings;
 use crate::ev3dev::{Tree, UltrasonicSensor};
 use crate::robot::{BindError, Robot, RobotConfig, equip};
 use crate::senses::{Channel, Role};
+use crate::units::rounded_to;
 
 use super::{Dialogue, NoAnswer};
 use crate::runtime::{NotReady, Source, StopFlags, prepare};
@@ -281,17 +282,7 @@ pub fn calibrate(
         calibration.range_scale = Some(scale);
     }
     if options.own_echoes {
-        let own = range::own_echoes(&mut stage, dialogue)?;
-        for [from_deg, to_deg, range_m] in &own {
-            dialogue.say(&format!(
-                "the sensor hears the robot itself from {from_deg:.0} to {to_deg:.0} degrees of \
-                 the head, at {range_m:.3} m"
-            ));
-        }
-        if own.is_empty() {
-            dialogue.say("the sensor does not hear the robot itself");
-        }
-        calibration.own_echoes = Some(own);
+        calibration.own_echoes = Some(range::own_echoes(&mut stage, dialogue)?);
     }
     Ok(calibration)
 }
@@ -299,10 +290,7 @@ pub fn calibrate(
 /// A list of places as TOML.
 fn list_of(own: &[[f64; 3]]) -> String {
     let place = |[from_deg, to_deg, range_m]: &[f64; 3]| {
-        format!(
-            "[{from_deg:.0}, {to_deg:.0}, {}]",
-            edit::rounded(libm::round(range_m * 1000.0) / 1000.0)
-        )
+        format!("[{from_deg:.0}, {to_deg:.0}, {}]", edit::rounded(rounded_to(*range_m, 1000.0)))
     };
     format!("[{}]", own.iter().map(place).collect::<Vec<_>>().join(", "))
 }

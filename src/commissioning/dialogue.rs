@@ -91,21 +91,20 @@ pub trait Dialogue {
         default: f64,
         range: RangeInclusive<f64>,
     ) -> Result<f64, NoAnswer> {
-        for _ in 0..TRIES {
-            let text = self.text(question, &default.to_string())?;
+        parsed(self, question, &default.to_string(), |text| {
             // People on half of the continents write a comma.
-            match text.trim().replace(',', ".").parse::<f64>() {
-                Ok(number) if range.contains(&number) => return Ok(number),
-                Ok(number) => self.say(&format!(
+            match text.replace(',', ".").parse::<f64>() {
+                Ok(number) if range.contains(&number) => Ok(number),
+                Ok(number) => Err(format!(
                     "{number} is not between {} and {}; please try again",
                     range.start(),
                     range.end()
                 )),
-                Err(_) => self
-                    .say(&format!("`{text}` is not a number; please write one such as {default}")),
+                Err(_) => {
+                    Err(format!("`{text}` is not a number; please write one such as {default}"))
+                }
             }
-        }
-        Err(NoAnswer::Unclear)
+        })
     }
 }
 

@@ -23,8 +23,7 @@ use crate::ev3dev::{
     Class, DeviceError, FindError, Identity, Platform, StopAction, TachoMotor, Tree, devices,
 };
 use crate::mapping::{Geometry, RangeMount};
-use crate::printable::is_printable;
-use crate::robot::{LeasedMotor, RobotConfig};
+use crate::robot::{LeasedMotor, RobotConfig, is_name, is_own_name};
 
 use super::dialogue::parsed;
 use super::{Dialogue, NoAnswer};
@@ -173,7 +172,7 @@ fn introduce(dialogue: &mut dyn Dialogue, motors: &[Identity], sensors: &[Identi
 
 fn name(dialogue: &mut dyn Dialogue) -> Result<String, NoAnswer> {
     parsed(dialogue, "What is the robot called?", "mapper", |name| {
-        if name.is_empty() || name.len() > 64 || !name.chars().all(is_printable) {
+        if !is_name(name) {
             return Err("a name has 1 to 64 letters on one line".to_owned());
         }
         Ok(name.to_owned())
@@ -240,26 +239,17 @@ impl Look<'_> {
                 ));
             }
             match self.part(&port, guess, draft)? {
-                MotorUse::Again => {}
-                MotorUse::Nothing => return Ok(()),
-                MotorUse::Left => {
-                    draft.left = Some(self.wheel(port)?);
-                    return Ok(());
-                }
-                MotorUse::Right => {
-                    draft.right = Some(self.wheel(port)?);
-                    return Ok(());
-                }
-                MotorUse::Head => {
-                    draft.head = Some(self.head(port)?);
-                    return Ok(());
-                }
+                MotorUse::Again => continue,
+                MotorUse::Nothing => {}
+                MotorUse::Left => draft.left = Some(self.wheel(port)?),
+                MotorUse::Right => draft.right = Some(self.wheel(port)?),
+                MotorUse::Head => draft.head = Some(self.head(port)?),
                 MotorUse::Other => {
                     let name = self.motor_name(draft)?;
                     draft.motors.push((name, port));
-                    return Ok(());
                 }
             }
+            return Ok(());
         }
     }
 
@@ -326,10 +316,7 @@ impl Look<'_> {
     fn motor_name(&mut self, draft: &Draft) -> Result<String, NoAnswer> {
         let taken: Vec<&str> = draft.motors.iter().map(|(name, _)| name.as_str()).collect();
         parsed(self.dialogue, "What shall missions call this motor?", "arm", |name| {
-            let plain = name.starts_with(|first: char| first.is_ascii_alphabetic())
-                && name.len() <= 64
-                && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_');
-            if !plain {
+            if !is_own_name(name) {
                 Err(format!(
                     "`{name}` is no name for a motor: a letter, then letters, digits and _"
                 ))

@@ -68,14 +68,6 @@ impl FromStr for PortAddress {
     }
 }
 
-impl TryFrom<String> for PortAddress {
-    type Error = NotAPort;
-
-    fn try_from(text: String) -> Result<Self, NotAPort> {
-        text.parse()
-    }
-}
-
 impl fmt::Display for PortAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.short())

@@ -12,7 +12,7 @@
 use std::sync::Arc;
 
 use evdev::raw_stream::RawDevice;
-use evdev::{AttributeSet, KeyCode};
+use evdev::{AttributeSet, EventType, KeyCode, SynchronizationCode};
 use nix::errno::Errno;
 
 use super::error::DeviceError;
@@ -76,6 +76,12 @@ impl ButtonSet {
         self.0 == 0
     }
 
+    /// Whether one that stops a run is among them: Enter or Back.
+    #[must_use]
+    pub const fn stops(self) -> bool {
+        self.contains(Button::Enter) || self.contains(Button::Back)
+    }
+
     /// The buttons.
     pub fn iter(self) -> impl Iterator<Item = Button> {
         Button::ALL.iter().copied().filter(move |button| self.contains(*button))
@@ -127,10 +133,6 @@ struct Rest {
     bytes: [u8; EVENT_SIZE],
     length: usize,
 }
-
-const EV_SYN: u16 = 0;
-const EV_KEY: u16 = 1;
-const SYN_DROPPED: u16 = 3;
 
 /// Events that one look takes at most, as `evdev` does.
 const EVENTS_PER_READ: usize = 32;
@@ -237,7 +239,7 @@ fn read_device(
         Err(errno) => return Err(errno),
     };
     let events = events.map(|event| Event {
-        kind: event.event_type().0,
+        kind: event.event_type(),
         code: event.code(),
         value: event.value(),
     });
@@ -271,8 +273,12 @@ fn take(
     let mut dropped = false;
     for event in events {
         match (event.kind, Button::from_code(event.code), event.value) {
-            (EV_KEY, Some(button), 0 | 1) => note(held, changes, button, event.value == 1),
-            (EV_SYN, _, _) if event.code == SYN_DROPPED => dropped = true,
+            (EventType::KEY, Some(button), 0 | 1) => note(held, changes, button, event.value == 1),
+            (EventType::SYNCHRONIZATION, ..)
+                if event.code == SynchronizationCode::SYN_DROPPED.0 =>
+            {
+                dropped = true;
+            }
             _ => {}
         }
     }

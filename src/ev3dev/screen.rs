@@ -95,8 +95,8 @@ enum Memory {
 }
 
 impl Screen {
-    /// Opens the screen at `path`; `root` is the brick's, where the layout is looked up if the file
-    /// itself cannot be asked.
+    /// Opens the screen at `path`; `description` is the folder where the layout is looked up if the
+    /// file itself cannot be asked.
     ///
     /// # Errors
     ///

@@ -10,6 +10,7 @@
 
 use std::sync::Arc;
 
+use evdev::{EventType, SoundCode};
 use nix::errno::Errno;
 
 use super::error::{Cause, DeviceError};
@@ -18,9 +19,6 @@ use super::platform::Platform;
 use super::stream::{Event, Stream, failure, io_cause, not_built_in};
 use super::tree::{Access, Tree};
 use super::value::Legal;
-
-const EV_SND: u16 = 0x12;
-const SND_TONE: u16 = 2;
 
 /// The tones that the driver plays, Hz; it would clamp others without a word.
 const TONES_HZ: std::ops::RangeInclusive<i32> = 100..=10_000;
@@ -72,7 +70,8 @@ impl Sound {
     }
 
     fn send(&mut self, frequency_hz: i32) -> Result<(), DeviceError> {
-        let event = Event { kind: EV_SND, code: SND_TONE, value: frequency_hz }.to_bytes();
+        let (kind, code) = (EventType::SOUND, SoundCode::SND_TONE.0);
+        let event = Event { kind, code, value: frequency_hz }.to_bytes();
         match self.stream.write(&event) {
             Ok(taken) if taken == event.len() => Ok(()),
             Ok(_) => Err(failure(&self.node, io_cause(Errno::EIO))),

@@ -8,6 +8,7 @@ use std::io::{Read, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::sync::Arc;
 
+use evdev::EventType;
 use nix::errno::Errno;
 
 use super::error::{Cause, DeviceError};
@@ -23,7 +24,7 @@ pub(crate) const EVENT_SIZE: usize = TIME_SIZE + 8;
 /// What an event says, without its time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Event {
-    pub(crate) kind: u16,
+    pub(crate) kind: EventType,
     pub(crate) code: u16,
     pub(crate) value: i32,
 }
@@ -33,7 +34,7 @@ impl Event {
         let (head, value) = bytes.get(TIME_SIZE..EVENT_SIZE)?.split_at_checked(4)?;
         let (kind, code) = head.split_at_checked(2)?;
         Some(Self {
-            kind: u16::from_ne_bytes(kind.try_into().ok()?),
+            kind: EventType(u16::from_ne_bytes(kind.try_into().ok()?)),
             code: u16::from_ne_bytes(code.try_into().ok()?),
             value: i32::from_ne_bytes(value.try_into().ok()?),
         })
@@ -43,6 +44,7 @@ impl Event {
     pub(crate) fn to_bytes(self) -> [u8; EVENT_SIZE] {
         let fields = self
             .kind
+            .0
             .to_ne_bytes()
             .into_iter()
             .chain(self.code.to_ne_bytes())

@@ -135,33 +135,9 @@ impl Robot {
         };
         let [left, right, head] = [Channel::Left, Channel::Right, Channel::Head].map(&mut motor);
         let motors = Channel::MOTORS.into_iter().filter_map(motor).collect();
+        let (sensors, settles_ns) = binder.sensors(&mut wrong);
         // Until the board has read its sensors again.
-        let mut settle_ns = if platform.detects { 0 } else { 2 * platform.poll_ns };
-        let mut sensors: Vec<RoleSensor> = Vec::new();
-        for role in config.sensors.keys() {
-            let (sensor, settles_ns) = match binder.sensor(*role) {
-                Err(BindError::Find { role: name, .. }) if !binder.needs(*role) => {
-                    log::info!("there is no {name}, and the mission does without it");
-                    continue;
-                }
-                Err(error) => {
-                    wrong.push(error);
-                    continue;
-                }
-                Ok(bound) => bound,
-            };
-            let same = |other: &&RoleSensor| other.identity().name == sensor.identity().name;
-            if let Some(other) = sensors.iter().find(same) {
-                wrong.push(shared(config, &sensor, other));
-                continue;
-            }
-            settle_ns = settle_ns.max(settles_ns);
-            // One that comes loose is looked for where it was: what else could be this role, such
-            // as the remote's infrared sensor for the range, may be there for another one.
-            let port = sensor.identity().address.clone();
-            binder.config.sensors.insert(*role, Some(port));
-            sensors.push(sensor);
-        }
+        let settle_ns = settles_ns.max(if platform.detects { 0 } else { 2 * platform.poll_ns });
         let (Some(left), Some(right), true) = (left, right, wrong.is_empty()) else {
             return Err(BindError::of(wrong));
         };
@@ -271,6 +247,37 @@ impl Binder {
     fn needs(&self, role: Role) -> bool {
         matches!(role, Role::Gyro | Role::Range)
             || role.quantities().any(|quantity| self.needed.contains(&quantity.channel))
+    }
+
+    /// The sensors of all roles, and for how long their values may be stale, nanoseconds; what went
+    /// wrong with one is added to `wrong`.
+    fn sensors(&mut self, wrong: &mut Vec<BindError>) -> (Vec<RoleSensor>, i64) {
+        let mut longest_ns = 0;
+        let mut sensors: Vec<RoleSensor> = Vec::new();
+        for role in self.config.sensors.clone().into_keys() {
+            let (sensor, settle_ns) = match self.sensor(role) {
+                Err(BindError::Find { role: name, .. }) if !self.needs(role) => {
+                    log::info!("there is no {name}, and the mission does without it");
+                    continue;
+                }
+                Err(error) => {
+                    wrong.push(error);
+                    continue;
+                }
+                Ok(bound) => bound,
+            };
+            let same = |other: &&RoleSensor| other.identity().name == sensor.identity().name;
+            if let Some(other) = sensors.iter().find(same) {
+                wrong.push(shared(&self.config, &sensor, other));
+                continue;
+            }
+            longest_ns = longest_ns.max(settle_ns);
+            // One that comes loose is looked for where it was: what else could be this role, such
+            // as the remote's infrared sensor for the range, may be there for another one.
+            self.config.sensors.insert(role, Some(sensor.identity().address.clone()));
+            sensors.push(sensor);
+        }
+        (sensors, longest_ns)
     }
 
     /// The sensor of a role in its mode, and for how long its values may be stale, nanoseconds.

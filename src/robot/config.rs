@@ -9,7 +9,6 @@ mod range;
 mod stop_button;
 
 use std::collections::BTreeMap;
-use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
 pub use stop_button::StopButton;
@@ -252,9 +251,14 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     Some(config)
 }
 
+/// Whether a robot can be called so.
+pub(crate) fn is_name(name: &str) -> bool {
+    (1..=LONGEST_NAME).contains(&name.len()) && name.chars().all(is_printable)
+}
+
 fn name_of(item: &Item<'_>) -> Option<String> {
     let name = item.text()?;
-    if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(is_printable) {
+    if !is_name(name) {
         item.error(format!(
             "`{}` must be 1 to {LONGEST_NAME} bytes of text on one line",
             item.path()
@@ -318,21 +322,9 @@ fn drive(section: &Section<'_>) -> Option<Drive> {
 fn motor_role(section: &Section<'_>) -> Option<MotorRole> {
     let port = port(section);
     let inverted = section.value_or("inverted", false, |item| item.flag());
-    let gear = section.value_or("gear", 1.0, gear);
+    let gear = section.value_or("gear", 1.0, |item| item.gear());
     let direction = if inverted? { -1.0 } else { 1.0 };
     Some(MotorRole { port: port?, ratio: gear? * direction })
-}
-
-/// Teeth on the motor and on what it turns; a minus turns it round.
-fn gear(item: &Item<'_>) -> Option<f64> {
-    const MOST_TEETH: f64 = 1000.0;
-    let [motor, driven] = item.numbers::<2>(-MOST_TEETH..=MOST_TEETH)?;
-    if motor.abs() < 1.0 || driven.abs() < 1.0 {
-        item.error(format!("`{}` counts teeth: each number is at least 1", item.path()))
-            .hint("such as [12, 36]: 12 teeth on the motor turn a wheel of 36");
-        return None;
-    }
-    Some(motor / driven)
 }
 
 #[expect(clippy::option_option, reason = "absent and wrong are different")]
@@ -423,15 +415,20 @@ fn named_motor(item: &Item<'_>) -> Option<NamedMotor> {
     let name = own_name(item, "motor");
     let motor = motor_role(&section);
     let max_dps = section.require("max_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
-    Some(NamedMotor { name: name?, motor: motor?, max_rad_s: max_dps? * (PI / 180.0) })
+    Some(NamedMotor { name: name?, motor: motor?, max_rad_s: radians(max_dps?) })
+}
+
+/// Whether a motor or a sensor can be called so: conditions use the name.
+pub(crate) fn is_own_name(name: &str) -> bool {
+    name.starts_with(|first: char| first.is_ascii_alphabetic())
+        && name.len() <= LONGEST_NAME
+        && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_')
 }
 
 /// The name of a motor or a sensor, which conditions use.
 fn own_name(item: &Item<'_>, what: &str) -> Option<String> {
     let name = item.key();
-    let plain = name.starts_with(|first: char| first.is_ascii_alphabetic())
-        && name.len() <= LONGEST_NAME
-        && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_');
+    let plain = is_own_name(name);
     if !plain {
         item.error_at_key(format!("`{name}` is no name for a {what}"))
             .hint("a letter, then letters, digits and _: conditions use it");

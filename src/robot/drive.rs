@@ -36,6 +36,12 @@ impl RobotConfig {
             .with_range(self.range.unwrap_or_default())
     }
 
+    /// Metres driven for a radian of a wheel.
+    #[must_use]
+    pub fn metres_per_rad(&self) -> f64 {
+        self.wheel_circumference_m / (2.0 * PI)
+    }
+
     /// What motions that end keep to.
     #[must_use]
     pub fn motion_limits(&self) -> MotionLimits {
@@ -63,7 +69,7 @@ impl RobotConfig {
             None | Some(Drive::Stop(_)) => [0.0; 2],
             Some(Drive::Wheels { left_rad_s, right_rad_s }) => [left_rad_s, right_rad_s],
             Some(Drive::Twist { forward_m_s, turn_rad_s }) => {
-                let metres_per_rad = self.wheel_circumference_m / (2.0 * PI);
+                let metres_per_rad = self.metres_per_rad();
                 let turning_m_s = turn_rad_s * self.track_width_m / 2.0;
                 [
                     (forward_m_s - turning_m_s) / metres_per_rad,

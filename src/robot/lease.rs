@@ -65,9 +65,7 @@ impl Aspect {
         Self::RampDown,
         Self::Polarity,
     ];
-}
 
-impl Aspect {
     /// The attribute's file.
     #[must_use]
     pub const fn file(self) -> &'static str {

@@ -20,13 +20,14 @@
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::thread::{Builder, Thread};
+use std::thread::Thread;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::bind::{Binder, Bound};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::senses::Channel;
+use crate::threads;
 
 /// A device that answers with errors for so long is looked for, nanoseconds; one that says that it
 /// is gone, at once.
@@ -89,9 +90,7 @@ impl Mender {
         let moved = search.clone_idle();
         let thread = {
             let shared = Arc::clone(&shared);
-            Builder::new()
-                .name("mender".to_owned())
-                .spawn(move || help(moved, &shared, hand_over, old))?
+            threads::spawn("mender", move || help(moved, &shared, hand_over, old))?
         };
         let thread = thread.thread().clone();
         self.by = By::Helper(Helper { shared, thread, mended, give_back });

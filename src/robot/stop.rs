@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::bind::BindError;
 use super::config::StopButton;
-use crate::ev3dev::{Button, Buttons, DeviceError, TouchSensor, Tree};
+use crate::ev3dev::{Buttons, DeviceError, TouchSensor, Tree};
 
 /// Opens a stop button and looks at it once.
 ///
@@ -46,9 +46,7 @@ impl StopSwitch {
     pub(super) fn is_pressed(&mut self) -> Result<bool, DeviceError> {
         match self {
             Self::Touch(sensor) => sensor.is_pressed(),
-            Self::Keys(buttons) => buttons.changes().map(|changes| {
-                [Button::Enter, Button::Back].into_iter().any(|key| changes.pressed.contains(key))
-            }),
+            Self::Keys(buttons) => buttons.changes().map(|changes| changes.pressed.stops()),
         }
     }
 }

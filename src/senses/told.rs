@@ -3,6 +3,7 @@
 
 use super::{QUANTITIES, Quantity, Source, Unit};
 use crate::ev3dev::Driver;
+use crate::units::rounded_to;
 
 /// What a sensor measures in a mode, by the name that missions have for it or by what people call
 /// the device, and the first value with its unit: `range_m` and `1.50 m` for 1499 of `US-DIST-CM`.
@@ -30,8 +31,7 @@ impl Quantity {
             let (first, last) = source.legal;
             // A number that people read: 2.55, and not what 2550 times 0.001 is.
             let value = |number: i32| {
-                let value = self.unit.in_conditions(f64::from(number) * source.scale);
-                libm::round(value * 1e6) / 1e6
+                rounded_to(self.unit.in_conditions(f64::from(number) * source.scale), 1e6)
             };
             [value(first), value(last)]
         };
@@ -52,8 +52,7 @@ impl Quantity {
     /// A value for people.
     #[must_use]
     pub fn told(&self, value: f64) -> String {
-        if let Some((name, _)) = self.values().iter().find(|(_, known)| (known - value).abs() < 0.5)
-        {
+        if let Some((name, _)) = self.values().find(|(_, known)| (known - value).abs() < 0.5) {
             return name.replace('_', " ");
         }
         if !value.is_finite() {

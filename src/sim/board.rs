@@ -10,8 +10,10 @@
 //! - What stands above a port in `sys/devices` is as good as known for the Raspberry Pi, and not
 //!   for the BeagleBone.
 
-use crate::ev3dev::{BRICKPI, BRICKPI3, EV3, EVB, PISTORMS, Platform, StopAction};
-use crate::sim::driver::{Spec, readable, readwriteable};
+use crate::ev3dev::{
+    self, AttributeSpec, BRICKPI, BRICKPI3, EV3, EVB, PISTORMS, Platform, StopAction,
+};
+use crate::sim::driver::readable;
 
 /// A board as the kernel shows it.
 #[derive(Debug)]
@@ -67,7 +69,7 @@ pub(crate) struct MotorDriver {
 /// A battery's driver.
 #[derive(Debug)]
 pub(crate) struct Supply {
-    pub(crate) attributes: &'static [Spec],
+    pub(crate) attributes: &'static [AttributeSpec],
     /// One step of the voltage, microvolts.
     pub(crate) step_uv: f64,
 }
@@ -111,9 +113,10 @@ const BRICKPI_INPUT_MODES: &[&str] =
 const BRICKPI_OUTPUT_MODES: &[&str] = &["tacho-motor", "dc-motor", "led"];
 
 /// A driver that only knows the voltage.
-const VOLTAGE_ONLY: &[Spec] = &[readable("scope"), readable("type"), readable("voltage_now")];
+const VOLTAGE_ONLY: &[AttributeSpec] =
+    &[readable("scope"), readable("type"), readable("voltage_now")];
 
-const WITH_STATUS: &[Spec] = &[
+const WITH_STATUS: &[AttributeSpec] = &[
     readable("present"),
     readable("scope"),
     readable("status"),
@@ -138,18 +141,7 @@ static BOARDS: [Board; 5] = [
         outputs: EV3_OUTPUTS,
         bus: ["ev3-analog-sensor", "ev3-uart-host", "legoev3-motor"],
         motors: EV3_MOTORS,
-        battery: Supply {
-            attributes: &[
-                readable("current_now"),
-                readable("scope"),
-                readwriteable("technology"),
-                readable("type"),
-                readable("voltage_max_design"),
-                readable("voltage_min_design"),
-                readable("voltage_now"),
-            ],
-            step_uv: 9_775.0,
-        },
+        battery: Supply { attributes: ev3dev::Battery::ATTRIBUTES, step_uv: 9_775.0 },
         brightest: 255,
         boards: &[&["HW_REV=7", "MODEL=LEGO MINDSTORMS EV3", "ROM_REV=6", "TYPE=main"]],
     },

@@ -10,7 +10,7 @@ mod port;
 pub(crate) mod tree;
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use nix::errno::Errno;
 use rand_chacha::ChaCha8Rng;
@@ -26,14 +26,15 @@ use super::driver::dc::DcMotor;
 use super::driver::input::{Buttons, Speaker};
 use super::driver::lcd::Lcd;
 use super::driver::led::Led;
-use super::driver::sensor::{Sensor, model};
+use super::driver::sensor::Sensor;
 use super::driver::servo::ServoMotor;
 use super::driver::tacho::TachoMotor;
-use super::driver::{Context, Driver, Spec, Stored, readwriteable};
+use super::driver::{Context, Driver, Stored, line, readwriteable};
 use super::fault::{PortFaults, Reading};
 use super::physics::{Bridge, Physics};
 use super::simulation::Options;
-use crate::ev3dev::Hue;
+use crate::ev3dev::{AttributeSpec, Hue};
+use crate::threads::lock;
 
 /// Ports before this one are input ports.
 const FIRST_OUTPUT: usize = 4;
@@ -44,7 +45,7 @@ const BATTERY_NS: i64 = 10_000_000;
 /// A page: no store takes more.
 const MOST_STORED: usize = 4096;
 
-const UEVENT: Spec = readwriteable("uevent");
+static UEVENT: AttributeSpec = readwriteable("uevent");
 
 #[derive(Debug)]
 enum Device {
@@ -228,42 +229,33 @@ impl Brick {
         let board = self.board;
         let address = address(board, index);
         let out = index.saturating_sub(FIRST_OUTPUT);
-        let (class, name, device) = match wanted {
+        let [analog, serial, motor_driver] = board.bus;
+        let (class, name, bus_driver, device) = match wanted {
             Wanted::Tacho(model) => {
                 let count =
                     (physics.edges(self.robot, out), physics.edge_position(self.robot, out));
                 let motor = TachoMotor::new(model, &board.motors, address, count, now_ns);
-                let number = next(&mut self.counters.tacho);
-                let name = if motor.is_linear() {
-                    format!("linear{number}")
-                } else {
-                    format!("motor{number}")
-                };
-                (Class::TachoMotor, name, Device::Tacho(out, Box::new(motor)))
+                let kind = if motor.is_linear() { "linear" } else { "motor" };
+                let name = format!("{kind}{}", next(&mut self.counters.tacho));
+                (Class::TachoMotor, name, motor_driver, Device::Tacho(out, Box::new(motor)))
             }
             Wanted::Dc => {
                 let name = format!("motor{}", next(&mut self.counters.dc));
-                (Class::DcMotor, name, Device::Dc(out, DcMotor::new(address)))
+                (Class::DcMotor, name, "rcx-motor", Device::Dc(out, DcMotor::new(address)))
             }
             Wanted::Led => {
-                (Class::Leds, format!("{address}::brick-status"), Device::Led(Led::new(0, 100)))
+                let name = format!("{address}::brick-status");
+                (Class::Leds, name, "rcx-led", Device::Led(Led::new(0, 100)))
             }
             Wanted::Sensor(kind) => {
                 let name = format!("sensor{}", next(&mut self.counters.sensor));
                 let sensor =
                     Sensor::new(kind, address, self.options.gyro, board.polls_ns(), now_ns);
-                (Class::Sensor, name, Device::Sensor(index, Box::new(sensor)))
+                let bus_driver = if sensor.model.uart { serial } else { analog };
+                (Class::Sensor, name, bus_driver, Device::Sensor(index, Box::new(sensor)))
             }
         };
         let id = self.register(class, name, now_ns, device);
-        let [analog, serial, motor_driver] = board.bus;
-        let bus_driver = match wanted {
-            Wanted::Tacho(_) => motor_driver,
-            Wanted::Dc => "rcx-motor",
-            Wanted::Led => "rcx-led",
-            Wanted::Sensor(kind) if model(kind).uart => serial,
-            Wanted::Sensor(_) => analog,
-        };
         let driver_name = self.driver_name(id).unwrap_or_default();
         let bound = Device::Bus(BusDevice::new(bus_driver, driver_name, address));
         let on_bus =
@@ -337,9 +329,9 @@ impl Brick {
     }
 
     /// The row of an attribute; none if the device has none of that name now.
-    pub(crate) fn attribute(&self, id: u32, name: &str) -> Option<Spec> {
-        let own = self.driver(id)?.attributes();
-        own.iter().chain(POWER).chain(&[UEVENT]).find(|spec| spec.name == name).copied()
+    pub(crate) fn attribute(&self, id: u32, name: &str) -> Option<&'static AttributeSpec> {
+        let own = self.driver(id)?.attributes().into_iter().flatten();
+        own.chain(&POWER).chain([&UEVENT]).find(|spec| spec.name == name)
     }
 
     /// When a device was registered.
@@ -375,7 +367,16 @@ impl Brick {
         if POWER.iter().any(|spec| spec.name == attribute) {
             return read_power(attribute, out);
         }
-        driver.read(attribute, out)
+        let of_all = driver.identity().and_then(|(driver_name, address)| match attribute {
+            "driver_name" => Some(driver_name),
+            "address" => Some(address),
+            _ => None,
+        });
+        match of_all {
+            Some(text) => line(out, text),
+            None => driver.read(attribute, out)?,
+        }
+        Ok(())
     }
 
     /// Stores what one `write` brought. An empty one does not reach the driver.
@@ -442,7 +443,7 @@ impl Brick {
 fn address(board: &'static Board, index: usize) -> &'static str {
     static MADE: Mutex<BTreeMap<String, &'static str>> = Mutex::new(BTreeMap::new());
     let address = board.address(index).unwrap_or_default();
-    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut made = lock(&MADE);
     made.entry(address).or_insert_with_key(|address| String::leak(address.clone()))
 }
 

@@ -31,6 +31,8 @@ use std::io::Write as _;
 use nix::errno::Errno;
 use rand_chacha::ChaCha8Rng;
 
+use crate::ev3dev::{AttributeSpec, Direction, Legal};
+
 /// What an entry of a folder is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EntryKind {
@@ -57,13 +59,18 @@ pub struct Entry {
 
 impl Entry {
     /// A file.
-    pub(crate) fn file(spec: &Spec) -> Self {
-        Self {
-            name: spec.name.to_owned(),
-            kind: EntryKind::File,
-            permissions: spec.permissions,
-            size: u64::from(spec.size),
-        }
+    pub(crate) fn file(spec: &AttributeSpec) -> Self {
+        let permissions = match spec.direction {
+            Direction::Readable => 0o444,
+            Direction::Writeable => 0o200,
+            Direction::Readwriteable => 0o644,
+        };
+        let size = match spec.name {
+            "bin_data" => 32,
+            "direct" => 255,
+            _ => 4096,
+        };
+        Self { name: spec.name.to_owned(), kind: EntryKind::File, permissions, size }
     }
 
     /// A folder.
@@ -88,30 +95,15 @@ impl Entry {
     }
 }
 
-/// An attribute: a row of a class's table. A name may have a folder in it (`speed_pid/Kp`).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Spec {
-    pub(crate) name: &'static str,
-    pub(crate) permissions: u32,
-    pub(crate) size: u32,
+/// A file that can be read, and that no table of the bindings has. A name may have a folder in it
+/// (`power/control`).
+pub(crate) const fn readable(name: &'static str) -> AttributeSpec {
+    AttributeSpec::readable(name, Legal::Text)
 }
 
-/// What the kernel says of the size of every text.
-pub(crate) const TEXT_SIZE: u32 = 4096;
-
-/// An attribute that can be read.
-pub(crate) const fn readable(name: &'static str) -> Spec {
-    Spec { name, permissions: 0o444, size: TEXT_SIZE }
-}
-
-/// An attribute that can be written.
-pub(crate) const fn writeable(name: &'static str) -> Spec {
-    Spec { name, permissions: 0o200, size: TEXT_SIZE }
-}
-
-/// An attribute that can be read and written.
-pub(crate) const fn readwriteable(name: &'static str) -> Spec {
-    Spec { name, permissions: 0o644, size: TEXT_SIZE }
+/// Such a file that can be written, too.
+pub(crate) const fn readwriteable(name: &'static str) -> AttributeSpec {
+    AttributeSpec::readwriteable(name, Legal::Text)
 }
 
 /// A store that keeps its writer waiting.
@@ -144,15 +136,24 @@ pub(crate) struct Context<'a> {
     pub(crate) chance: &'a mut ChaCha8Rng,
 }
 
+/// A device's attributes: a class's table as the bindings have it, which is held against what the
+/// kernel lists, and the rows that only some devices have.
+pub(crate) type Attributes = [&'static [AttributeSpec]; 2];
+
 /// One device.
 pub(crate) trait Driver: Debug + Send {
     /// Its attributes, without those that every device has (`uevent`, `power`, `subsystem`,
     /// `device`).
-    fn attributes(&self) -> &'static [Spec] {
-        &[]
+    fn attributes(&self) -> Attributes {
+        [&[]; 2]
     }
 
-    /// Appends the text of an attribute to `out`.
+    /// The driver's name, and the address, of what is on a port.
+    fn identity(&self) -> Option<(&'static str, &str)> {
+        None
+    }
+
+    /// Appends the text of an attribute to `out`, but for `address` and `driver_name`.
     ///
     /// # Errors
     ///
@@ -171,7 +172,11 @@ pub(crate) trait Driver: Debug + Send {
     }
 
     /// Appends the lines of `uevent`.
-    fn uevent(&self, _out: &mut Vec<u8>) {}
+    fn uevent(&self, out: &mut Vec<u8>) {
+        if let Some((driver_name, address)) = self.identity() {
+            lego_uevent(out, driver_name, address);
+        }
+    }
 }
 
 /// Appends a line.
@@ -194,7 +199,7 @@ pub(crate) fn list<'a>(out: &mut Vec<u8>, words: impl IntoIterator<Item = &'a st
 
 /// Appends the two lines that every device on a port has in its `uevent`.
 pub(crate) fn lego_uevent(out: &mut Vec<u8>, driver_name: &str, address: &str) {
-    let _ = writeln!(out, "LEGO_DRIVER_NAME={driver_name}\nLEGO_ADDRESS={address}");
+    line(out, format_args!("LEGO_DRIVER_NAME={driver_name}\nLEGO_ADDRESS={address}"));
 }
 
 /// The low 32 bits: what the kernel's `int` makes of a result that does not fit.

@@ -48,6 +48,8 @@
 
 use std::f64::consts::PI;
 
+use arrayvec::ArrayVec;
+
 use super::chance::even;
 use super::sensors::Scene;
 use super::world::geometry::{Arm, Corner, Hit, Point, Segment, direction};
@@ -118,7 +120,7 @@ fn in_cone(scene: &Scene<'_>) -> Option<f64> {
 }
 
 /// A place that may answer.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct Foot {
     place: Point,
     range_m: f64,
@@ -126,31 +128,18 @@ struct Foot {
     pressure: f64,
 }
 
-/// The nearest [`Feet::MAX`] feet, in order; a list that is never allocated, because a tick that
-/// reads the sensor must not.
-#[derive(Debug, Default)]
-struct Feet {
-    feet: [Foot; Self::MAX],
-    count: usize,
-}
+/// The nearest feet, in order; a list that is never allocated, because a tick that reads the sensor
+/// must not. The loud ones in a lobe are a dozen at most in rooms full of blocks.
+type Feet = ArrayVec<Foot, 32>;
 
-impl Feet {
-    /// The loud ones in a lobe are a dozen at most in rooms full of blocks.
-    const MAX: usize = 32;
-
-    fn as_slice(&self) -> &[Foot] {
-        self.feet.get(..self.count).unwrap_or_default()
+/// Adds a foot at its place; the farthest falls out of a full list.
+fn add(feet: &mut Feet, foot: Foot) {
+    let at = feet.partition_point(|other| other.range_m <= foot.range_m);
+    if feet.is_full() && at < feet.len() {
+        feet.pop();
     }
-
-    fn add(&mut self, foot: Foot) {
-        let at = self.as_slice().partition_point(|other| other.range_m <= foot.range_m);
-        self.count = (self.count + 1).min(Self::MAX);
-        // The farthest falls out of a full list.
-        if let Some(behind @ [_, ..]) = self.feet.get_mut(at..self.count) {
-            behind.rotate_right(1);
-            behind[0] = foot;
-        }
-    }
+    // There is no room where all others are nearer.
+    let _ = feet.try_insert(at, foot);
 }
 
 /// One listening.
@@ -205,7 +194,7 @@ impl<'s> Lobe<'s> {
             let errors = &self.scene.model.errors;
             let most_db = TWICE_DB + MOST_DIFFERENCE * errors.range_walls_sd_db;
             if self.level_db(&foot) + most_db >= 0.0 {
-                feet.add(foot);
+                add(&mut feet, foot);
             }
         }
         feet
@@ -395,7 +384,8 @@ mod tests {
     fn the_nearest_of_many_feet_are_kept_in_order() {
         let mut feet = super::Feet::default();
         for range_m in (0..100).map(|step| f64::from(step * 37 % 100)) {
-            feet.add(super::Foot { range_m, ..super::Foot::default() });
+            let place = super::Point::zeros();
+            super::add(&mut feet, super::Foot { place, range_m, pressure: 1.0 });
         }
         let kept: Vec<f64> = feet.as_slice().iter().map(|foot| foot.range_m).collect();
         assert_eq!(kept, (0..32).map(f64::from).collect::<Vec<_>>());

@@ -50,19 +50,6 @@ mod open;
 mod point;
 mod ticker;
 
-/// How a mount differs from the usual.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct MountOptions {
-    /// How programs read the events of buttons and speaker.
-    pub events: EventLayout,
-}
-
-impl Default for MountOptions {
-    fn default() -> Self {
-        Self { events: EventLayout::NATIVE }
-    }
-}
-
 /// A mounted simulation. Dropping it unmounts it.
 #[derive(Debug)]
 pub struct Mount {
@@ -92,19 +79,21 @@ impl Mount {
     ///
     /// A mount that a dead simulator of ours left there is taken away first.
     ///
+    /// - `events`: how programs read the events of buttons and speaker.
+    ///
     /// # Errors
     ///
     /// [`MountError`], before anything is mounted.
     pub fn new(
         simulation: &Simulation,
         point: &Path,
-        options: MountOptions,
+        events: EventLayout,
     ) -> Result<(Self, Found), MountError> {
         let (point, found) = point::prepare(point)?;
         let robots = simulation.robots();
         let bricks: Vec<Arc<SimBrick>> = (0..robots).map(|robot| simulation.brick(robot)).collect();
         let open = Arc::new(Open::default());
-        let files = Files::new(bricks, Arc::clone(&open), options.events);
+        let files = Files::new(bricks, Arc::clone(&open), events);
         let mut config = Config::default();
         config.mount_options =
             vec![MountOption::FSName(point::SOURCE.to_owned()), MountOption::NoAtime];

@@ -5,7 +5,7 @@
 //! [`VirtualClock`](crate::clock::VirtualClock) a mission runs as fast as the machine allows.
 
 use std::any::Any;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use nix::errno::Errno;
 
@@ -28,6 +28,7 @@ use super::view::Trail;
 use super::world_physics::WorldPhysics;
 use crate::clock::{Clock, MILLISECOND_NS};
 use crate::ev3dev::{Button, Platform};
+use crate::threads::lock;
 
 /// How a brick is made, where bricks differ.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -116,8 +117,10 @@ impl Simulation {
         options: Options,
     ) -> Self {
         let bricks: Vec<Brick> = (0..physics.robots())
-            .zip(seed..)
-            .map(|(robot, seed)| Brick::new(robot, physics.as_mut(), options, seed))
+            .zip(0..)
+            .map(|(robot, nth)| {
+                Brick::new(robot, physics.as_mut(), options, seed.wrapping_add(nth))
+            })
             .collect();
         let bridges = vec![[Bridge::Coast; 4]; bricks.len()];
         let state = State {
@@ -233,21 +236,6 @@ impl Simulation {
         self.follow(&Order { robot, act: Act::Inject(port, fault, None) })
     }
 
-    /// As [`Simulation::inject`], for this many nanoseconds.
-    ///
-    /// # Errors
-    ///
-    /// [`FaultError`] where it does not fit or the device refuses.
-    pub fn inject_for(
-        &self,
-        robot: usize,
-        port: Port,
-        fault: DeviceFault,
-        for_ns: i64,
-    ) -> Result<(), FaultError> {
-        self.follow(&Order { robot, act: Act::Inject(port, fault, Some(for_ns)) })
-    }
-
     /// Takes all faults from a port; what was pulled is put back.
     ///
     /// # Errors
@@ -320,7 +308,7 @@ impl Simulation {
     pub(crate) fn state(&self) -> MutexGuard<'_, State> {
         // A panic under the lock cannot leave a step half done in a way that matters to a
         // simulation.
-        let mut state = self.shared.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = lock(&self.shared.state);
         let most_ns = state.most_behind_ns.unwrap_or(i64::MAX);
         let behind_ns = self.time_ns() - state.now_ns;
         let until_ns = state.now_ns + behind_ns.min(most_ns);
@@ -332,7 +320,7 @@ impl Simulation {
             // Whole steps, so that moments stay where they were within a step.
             let lost_ns = (self.time_ns() - state.now_ns).div_euclid(STEP_NS) * STEP_NS;
             state.lost_ns += lost_ns;
-            *self.shared.start_ns.lock().unwrap_or_else(PoisonError::into_inner) += lost_ns;
+            *lock(&self.shared.start_ns) += lost_ns;
         }
         state
     }
@@ -351,7 +339,7 @@ impl Simulation {
     }
 
     fn start_ns(&self) -> i64 {
-        *self.shared.start_ns.lock().unwrap_or_else(PoisonError::into_inner)
+        *lock(&self.shared.start_ns)
     }
 
     fn with_brick<R>(

@@ -10,6 +10,7 @@
 //! | `rooms`, `cylinders`, `corridor` | maps; nothing was tuned on these three |
 //! | `line` | a closed dark line on a white floor |
 //! | `table` | a floor that ends, no walls |
+//! | `patches` | coloured patches on the floor |
 //! | `wall` | something to follow |
 //! | `open` | nothing around |
 //! | `two-arenas` | two robots, the second at (3, 0) turned by +90° |

@@ -17,7 +17,7 @@
 mod truth;
 
 use std::f64::consts::PI;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 pub use self::truth::{Observer, Truth};
 use super::body::{Body, Outline, Solver, Wheel, metres_per_radian};
@@ -28,6 +28,7 @@ use super::sensors::{Gyro, Scene, one};
 use super::world::geometry::{Point, Surfaces};
 use super::world::{RobotModel, StartPose, World};
 use crate::clock::seconds;
+use crate::threads::lock;
 use crate::units::radians;
 
 /// What a head adds to its motor's shaft: about 50 g, 3 cm from the axis, through 12:36.
@@ -140,24 +141,6 @@ impl WorldPhysics {
         &self.world
     }
 
-    /// Makes something go wrong with a robot from the next step on.
-    pub fn fail(&mut self, robot: usize, fault: Fault) {
-        let Some((rig, motors)) = self.rigs.get_mut(robot).zip(self.motors.get_mut(robot)) else {
-            return;
-        };
-        let mut block = |out: usize, blocked| {
-            if let Some(motor) = motors.get_mut(out).and_then(Option::as_mut) {
-                motor.block(blocked);
-            }
-        };
-        match fault {
-            Fault::BlockedMotor(out) => block(out, true),
-            Fault::FreedMotor(out) => block(out, false),
-            Fault::BatteryV(volts) => rig.battery_v = volts,
-            Fault::OwnBattery => rig.battery_v = self.world.robot().errors.battery_v,
-        }
-    }
-
     /// Puts a robot elsewhere, standing still, as a hand would; the gyro does not notice the turn.
     pub fn carry(&mut self, robot: usize, pose: StartPose) {
         if let Some(body) = self.bodies.get_mut(robot) {
@@ -228,7 +211,7 @@ impl WorldPhysics {
 
     fn publish(&mut self) {
         let model = self.world.robot();
-        let mut truths = self.truths.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut truths = lock(&self.truths);
         truths.clear();
         truths.extend(self.bodies.iter().zip(&self.motors).zip(&mut self.rigs).map(
             |((body, motors), rig)| {
@@ -320,7 +303,20 @@ impl Physics for WorldPhysics {
     }
 
     fn fail(&mut self, robot: usize, fault: Fault) {
-        Self::fail(self, robot, fault);
+        let Some((rig, motors)) = self.rigs.get_mut(robot).zip(self.motors.get_mut(robot)) else {
+            return;
+        };
+        let mut block = |out: usize, blocked| {
+            if let Some(motor) = motors.get_mut(out).and_then(Option::as_mut) {
+                motor.block(blocked);
+            }
+        };
+        match fault {
+            Fault::BlockedMotor(out) => block(out, true),
+            Fault::FreedMotor(out) => block(out, false),
+            Fault::BatteryV(volts) => rig.battery_v = volts,
+            Fault::OwnBattery => rig.battery_v = self.world.robot().errors.battery_v,
+        }
     }
 
     fn place(&mut self, robot: usize, pose: Option<[f64; 3]>) -> bool {

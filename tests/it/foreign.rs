@@ -18,7 +18,7 @@ use nix::errno::Errno;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, VirtualClock};
 use onbrick::ev3dev::{Access, Tree};
 use onbrick::recording::Run;
-use onbrick::sim::{Button, Mount, MountOptions, Options, Simulation, World, WorldPhysics};
+use onbrick::sim::{Button, EventLayout, Mount, Options, Simulation, World, WorldPhysics};
 use serde_json::{Value, json};
 
 use self::bench::{Foreign, Simulator, Truth, example, no_namespaces, no_python, script};
@@ -308,7 +308,7 @@ fn press_and_look(pace: &Pace) {
     let simulation =
         Simulation::with_options(Arc::new(MonotonicClock), Box::new(physics), 1, options);
     let folder = tempfile::tempdir().unwrap();
-    let (mount, _) = Mount::new(&simulation, folder.path(), MountOptions::default()).unwrap();
+    let (mount, _) = Mount::new(&simulation, folder.path(), EventLayout::NATIVE).unwrap();
     let mut program =
         Foreign::start(pace, "board", &mount.root(0), &["python3", &script("ev3dev2_board")]);
     assert_eq!(program.line(), "ready");

@@ -21,7 +21,7 @@ use std::time::Duration;
 use nix::errno::Errno;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, VirtualClock};
 use onbrick::ev3dev::{Access, LocalTree, Tree};
-use onbrick::sim::{MotorKind, MountOptions, Options, Plugged, Port, Simulation};
+use onbrick::sim::{EventLayout, MotorKind, Options, Plugged, Port, Simulation};
 
 use self::bench::{Mounted, errno, no_fuse};
 use crate::drivers_bench::{Bench, InProcess};
@@ -493,7 +493,7 @@ fn a_machine_without_fuse_is_told_of() {
     let simulation =
         Simulation::new(Arc::new(VirtualClock::default()), Box::new(Bench::as_recorded()), 1);
     let (mount, found) =
-        onbrick::sim::Mount::new(&simulation, folder.path(), MountOptions::default()).unwrap();
+        onbrick::sim::Mount::new(&simulation, folder.path(), EventLayout::NATIVE).unwrap();
     assert_eq!(found, onbrick::sim::Found::default());
     assert!(!mount.is_over());
     mount.unmount().unwrap();

@@ -22,6 +22,13 @@ fn time_that_a_machine_was_too_slow_for_is_lost_and_not_waited_for() {
     assert_eq!(simulation.now_ns(), 110 * MILLISECOND_NS, "and then it continues");
 }
 
+#[test]
+fn the_greatest_seed_makes_a_simulation_too() {
+    let clock = Arc::new(VirtualClock::default());
+    let simulation = Simulation::new(clock, Box::new(Bench::as_recorded()), u64::MAX);
+    assert_eq!(simulation.robots(), 1);
+}
+
 /// An empty world whose time takes ten times as long to simulate.
 #[derive(Debug)]
 struct Slow(Arc<VirtualClock>);

@@ -300,7 +300,7 @@ fn mistakes_in_a_world_have_their_places() {
         ("name = \"t\"\n[robot]\nmass_kg = 0\n", "is 0"),
         ("name = \"t\"\n[robot]\nleft = \"outD\"\n", "share an output port"),
         ("name = \"t\"\n[robot]\ncorner_m = 0.5\n", "rounder than the robot"),
-        ("name = \"t\"\n[robot]\nhead_gear = [0, 36]\n", "at least one tooth"),
+        ("name = \"t\"\n[robot]\nhead_gear = [0, 36]\n", "counts teeth: each number is at least 1"),
         ("name = \"t\"\n[robot.ports]\nin1 = \"sonar\"\n", "it can be"),
         ("name = \"t\"\n[robot.errors]\ngyro_drift = 1\n", "did you mean"),
         ("name = \"t\"\n[[remote]]\nat_s = 1\ncode = 99\n", "is 99"),

@@ -167,5 +167,5 @@ impl Named {
 
 /// The names of what signals can be, such as colours.
 pub(super) fn values() -> impl Iterator<Item = (&'static str, f64)> {
-    QUANTITIES.iter().flat_map(Quantity::values).copied()
+    QUANTITIES.iter().flat_map(Quantity::values)
 }

@@ -236,28 +236,20 @@ impl fmt::Display for Measured {
 /// does not vary.
 #[must_use]
 pub(super) fn slope(points: &[[f64; 2]], noise: f64, fewest: usize) -> Option<f64> {
-    line(points, noise, fewest).map(|(_, slope)| slope)
-}
-
-/// The same line's intercept and slope.
-#[must_use]
-pub(super) fn line(points: &[[f64; 2]], noise: f64, fewest: usize) -> Option<(f64, f64)> {
     const DEVIATIONS: f64 = 3.0 * 1.4826;
     let mut kept: Vec<[f64; 2]> =
         points.iter().copied().filter(|[x, y]| x.is_finite() && y.is_finite()).collect();
     let mut line = median_line(&kept)?;
     for _ in 0..3 {
         let distance = |&[x, y]: &[f64; 2]| (y - line.0 - line.1 * x).abs();
-        let mut distances: Vec<f64> = kept.iter().map(distance).collect();
-        distances.sort_by(f64::total_cmp);
-        let limit = (DEVIATIONS * distances.get(distances.len() / 2)?).max(noise);
+        let limit = (DEVIATIONS * median(kept.iter().map(distance).collect())?).max(noise);
         kept.retain(|point| distance(point) <= limit);
         if kept.len() < fewest.max(2) {
             return None;
         }
         line = least_squares(&kept)?;
     }
-    Some(line)
+    Some(line.1)
 }
 
 /// Intercept and slope by least squares.

@@ -19,17 +19,13 @@ use std::f64::consts::PI;
 
 use crate::commissioning::Dialogue;
 use crate::mapping::OwnEchoes;
-use crate::units::{degrees, radians};
+use crate::units::{degrees, radians, rounded_to};
 
 use super::CalibrateError;
-use super::fit::{Kind, Measured, line, median};
+use super::fit::{Kind, Measured, median, slope};
 use super::stage::{Ended, Stage};
-use super::straight::{self, NEAR_M};
+use super::straight::{self, FEWEST_ECHOES, NEAR_M, RANGE_NOISE_M};
 use super::turns::turn;
-
-/// Legs with fewer echoes say nothing; farther off the line than this an echo is wrong, metres.
-const FEWEST_ECHOES: usize = 20;
-const RANGE_NOISE_M: f64 = 0.01;
 
 /// How far off anything else must be while own echoes are looked for, metres.
 const ROOM_M: f64 = 0.4;
@@ -58,7 +54,7 @@ pub(super) fn bias_and_scale(
          and wait there. Is it ready?",
     )?;
     let config = stage.config();
-    let metres_per_rad = config.wheel_circumference_m / (2.0 * PI);
+    let metres_per_rad = config.metres_per_rad();
     let (ahead_m, bias_m, scale) = config
         .range
         .as_ref()
@@ -68,7 +64,7 @@ pub(super) fn bias_and_scale(
     let axle_m = dialogue.number(
         "How far is the wall from the middle between the wheels, in metres, to the millimetre \
          (such as 0.254)?",
-        libm::round((range_m.min(NEAR_M) + ahead_m) * 1000.0) / 1000.0,
+        rounded_to(range_m.min(NEAR_M) + ahead_m, 1000.0),
         0.05..=2.0,
     )?;
     let from_rad = f64::midpoint(from.left_rad, from.right_rad);
@@ -84,21 +80,15 @@ pub(super) fn bias_and_scale(
             legs.push(distances(straight::leg(stage, way)?));
         }
     }
-    let slope = |leg: &Vec<[f64; 2]>| {
-        line(leg, RANGE_NOISE_M, FEWEST_ECHOES).map_or(f64::NAN, |(_, slope)| slope)
-    };
-    let [back, ahead] = [0, 1].map(|way: usize| {
-        legs.get(way).map(|legs| legs.iter().map(slope).collect::<Vec<_>>()).unwrap_or_default()
-    });
+    let slope = |leg: &Vec<[f64; 2]>| slope(leg, RANGE_NOISE_M, FEWEST_ECHOES).unwrap_or(f64::NAN);
+    let [back, ahead] = legs.each_ref().map(|legs| legs.iter().map(slope).collect::<Vec<_>>());
     let scale = Measured::new(Kind::Ratio, scale, [&ahead, &back]);
     // By the mean scale: each leg's own would turn its line about the middle of the way.
     let offset = |leg: &Vec<[f64; 2]>| {
         let off = leg.iter().map(|[distance_m, reading_m]| reading_m - scale.after * distance_m);
         median(off.collect()).unwrap_or(f64::NAN)
     };
-    let [back, ahead] = [0, 1].map(|way: usize| {
-        legs.get(way).map(|legs| legs.iter().map(offset).collect::<Vec<_>>()).unwrap_or_default()
-    });
+    let [back, ahead] = legs.each_ref().map(|legs| legs.iter().map(offset).collect::<Vec<_>>());
     Ok([Measured::new(Kind::Offset, bias_m, [&ahead, &back]), scale])
 }
 
@@ -128,6 +118,15 @@ pub(super) fn own_echoes(
     let seen_deg = 2.0 * degrees(limit_rad.min(PI));
     if own.len() > OwnEchoes::MAX || wide_deg > MOST_SHARE * seen_deg {
         return Err(CalibrateError::NoRoom { at_m: ROOM_M });
+    }
+    for [from_deg, to_deg, range_m] in &own {
+        dialogue.say(&format!(
+            "the sensor hears the robot itself from {from_deg:.0} to {to_deg:.0} degrees of the \
+             head, at {range_m:.3} m"
+        ));
+    }
+    if own.is_empty() {
+        dialogue.say("the sensor does not hear the robot itself");
     }
     Ok(own)
 }

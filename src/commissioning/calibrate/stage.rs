@@ -98,7 +98,8 @@ impl<'s> Stage<'s> {
         self.config().has(Role::Gyro)
     }
 
-    /// Drives until `done`, or to the limit, and brakes. `done` sees every look at the robot.
+    /// Drives until `done`, or to the limit, and brakes. `done` sees every look at the robot: where
+    /// wheels and gyro are, and all readings.
     ///
     /// # Errors
     ///
@@ -108,10 +109,10 @@ impl<'s> Stage<'s> {
         &mut self,
         drive: Drive,
         limit: Limit,
-        mut done: impl FnMut(&Senses) -> bool,
+        mut done: impl FnMut(&Standing, &Senses) -> bool,
     ) -> Result<Ended, CalibrateError> {
         self.forget_presses();
-        let ended = self.motion(drive, limit, &mut |stage| done(&stage.senses));
+        let ended = self.motion(drive, limit, &mut |stage, now| done(now, &stage.senses));
         self.robot.stop(StopAction::Brake);
         ended
     }
@@ -128,7 +129,8 @@ impl<'s> Stage<'s> {
         // What was pressed before the motion began was no answer to it.
         dialogue.is_pressed();
         self.marking = true;
-        let ended = self.motion(drive, limit, &mut |stage| dialogue.is_pressed() || stage.entered);
+        let ended =
+            self.motion(drive, limit, &mut |stage, _| dialogue.is_pressed() || stage.entered);
         self.marking = false;
         self.robot.stop(StopAction::Brake);
         ended
@@ -198,7 +200,7 @@ impl<'s> Stage<'s> {
         &mut self,
         drive: Drive,
         limit: Limit,
-        done: &mut dyn FnMut(&Self) -> bool,
+        done: &mut dyn FnMut(&Self, &Standing) -> bool,
     ) -> Result<Ended, CalibrateError> {
         let from = self.look()?;
         let begin_ns = self.clock.now_ns();
@@ -206,16 +208,18 @@ impl<'s> Stage<'s> {
         loop {
             let now = self.look()?;
             let now_ns = self.clock.now_ns();
-            if done(self) {
+            if done(self, &now) {
                 return Ok(Ended::Reached);
             }
-            let gone_rad = from.wheels_rad(&now);
-            if gone_rad > limit.wheel_rad || now_ns - begin_ns > nanoseconds(limit.time_s) {
+            let wheels_rad = [now.left_rad - from.left_rad, now.right_rad - from.right_rad];
+            let [left_rad, right_rad] = wheels_rad.map(f64::abs);
+            if f64::midpoint(left_rad, right_rad) > limit.wheel_rad
+                || now_ns - begin_ns > nanoseconds(limit.time_s)
+            {
                 return Ok(Ended::Limit);
             }
-            let wheels_rad = [now.left_rad - from.left_rad, now.right_rad - from.right_rad];
-            for (wheel, turned_rad) in progress.iter_mut().zip(wheels_rad) {
-                wheel.check(turned_rad.abs(), now_ns)?;
+            for (wheel, turned_rad) in progress.iter_mut().zip([left_rad, right_rad]) {
+                wheel.check(turned_rad, now_ns)?;
             }
             // The head stays where a hand has put it.
             let demands = Demands { drive: Some(drive), ..Demands::default() };
@@ -304,8 +308,13 @@ impl Progress {
 }
 
 impl Standing {
-    /// How far the wheels have turned since, radians, the mean of both, either way.
-    pub(super) fn wheels_rad(&self, now: &Self) -> f64 {
-        f64::midpoint((now.left_rad - self.left_rad).abs(), (now.right_rad - self.right_rad).abs())
+    /// How far the wheels have turned since, radians, the mean of both; forwards is positive.
+    pub(super) fn rolled_rad(&self, now: &Self) -> f64 {
+        f64::midpoint(now.left_rad - self.left_rad, now.right_rad - self.right_rad)
+    }
+
+    /// How much farther the right wheel has turned since than the left one, radians.
+    pub(super) fn apart_rad(&self, now: &Self) -> f64 {
+        (now.right_rad - self.right_rad) - (now.left_rad - self.left_rad)
     }
 }

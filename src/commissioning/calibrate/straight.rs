@@ -7,8 +7,8 @@ use crate::commissioning::Dialogue;
 use crate::senses::{Channel, Senses};
 
 use super::CalibrateError;
-use super::fit::{Measured, slope};
-use super::stage::{Ended, Limit, Stage};
+use super::fit::{Measured, median, slope};
+use super::stage::{Ended, Limit, Stage, Standing};
 
 /// Between these ranges the robot drives back and forth, metres from the sensor: near enough for a
 /// loud echo, far enough not to touch.
@@ -26,10 +26,10 @@ const SETTLE_RAD: f64 = 0.7;
 
 /// So far off the line an echo is as good as any, metres (the sensor's own noise:
 /// `lego-sensor-tables`).
-const RANGE_NOISE_M: f64 = 0.01;
+pub(super) const RANGE_NOISE_M: f64 = 0.01;
 
 /// A leg with fewer echoes says nothing.
-const FEWEST_ECHOES: usize = 20;
+pub(super) const FEWEST_ECHOES: usize = 20;
 
 /// After so long without an echo the wall is lost, nanoseconds.
 const LOST_NS: i64 = 1_000_000_000;
@@ -81,9 +81,7 @@ pub(super) fn leg(stage: &mut Stage<'_>, way: f64) -> Result<Vec<[f64; 2]>, Cali
 
 /// How far off the wall is: the middle of a second's echoes.
 fn wall_ahead(stage: &mut Stage<'_>) -> Result<f64, CalibrateError> {
-    let mut ranges: Vec<f64> = stage.ranges()?;
-    ranges.sort_by(f64::total_cmp);
-    let range_m = ranges.get(ranges.len() / 2).copied().unwrap_or(f64::INFINITY);
+    let range_m = median(stage.ranges()?).unwrap_or(f64::INFINITY);
     if START_M.contains(&range_m) {
         return Ok(range_m);
     }
@@ -102,7 +100,8 @@ fn wall_ahead(stage: &mut Stage<'_>) -> Result<f64, CalibrateError> {
 fn way(stage: &mut Stage<'_>, way: f64, length_m: f64) -> Result<Vec<[f64; 2]>, CalibrateError> {
     stage.rest()?;
     let mut echoes = Echoes::new(way);
-    let ended = stage.drive(forward(way), limit(stage, length_m), |senses| echoes.look(senses))?;
+    let limit = limit(stage, length_m);
+    let ended = stage.drive(forward(way), limit, |now, senses| echoes.look(now, senses))?;
     if echoes.lost {
         return Err(CalibrateError::NoWall(
             "the wall is lost from sight: a plain, hard wall, square to the robot's way, and \
@@ -125,7 +124,7 @@ fn forward(way: f64) -> Drive {
 }
 
 fn limit(stage: &Stage<'_>, length_m: f64) -> Limit {
-    let metres_per_rad = stage.config().wheel_circumference_m / (2.0 * PI);
+    let metres_per_rad = stage.config().metres_per_rad();
     // A low limit of max_dps makes it slower than asked.
     let speed_m_s = SPEED_M_S.min(stage.config().max_wheel_rad_s * metres_per_rad);
     Limit {
@@ -151,13 +150,8 @@ impl Echoes {
     }
 
     /// Takes what is new; true at the leg's end.
-    fn look(&mut self, senses: &Senses) -> bool {
-        let value = |channel| senses.get(channel).map(|reading| reading.value);
-        let (Some(left_rad), Some(right_rad)) = (value(Channel::Left), value(Channel::Right))
-        else {
-            return false;
-        };
-        let wheel_rad = f64::midpoint(left_rad, right_rad);
+    fn look(&mut self, now: &Standing, senses: &Senses) -> bool {
+        let wheel_rad = f64::midpoint(now.left_rad, now.right_rad);
         let from_rad = *self.from_rad.get_or_insert(wheel_rad);
         let heard_ns = *self.heard_ns.get_or_insert(senses.time_ns);
         // While the robot moves, an echo that is new has a new value: one that stands still is an
@@ -207,18 +201,12 @@ fn metre(
     dialogue.agree(&format!(
         "Mark on the floor where one of the wheels stands. Drive about a metre {direction} now?"
     ))?;
-    let metres_per_rad = stage.config().wheel_circumference_m / (2.0 * PI);
+    let metres_per_rad = stage.config().metres_per_rad();
     let from = stage.rest()?;
-    let begin = from;
-    let gone = |senses: &Senses| {
-        let angle = |channel| senses.get(channel).map_or(0.0, |reading| reading.value);
-        let left_rad = angle(Channel::Left) - begin.left_rad;
-        let right_rad = angle(Channel::Right) - begin.right_rad;
-        f64::midpoint(left_rad, right_rad).abs() * metres_per_rad
-    };
-    stage.drive(forward(way), limit(stage, METRE_M), |senses| gone(senses) >= METRE_M)?;
-    let to = stage.rest()?;
-    let wheel_rad = f64::midpoint(to.left_rad - from.left_rad, to.right_rad - from.right_rad).abs();
+    stage.drive(forward(way), limit(stage, METRE_M), |now, _| {
+        from.rolled_rad(now).abs() * metres_per_rad >= METRE_M
+    })?;
+    let wheel_rad = from.rolled_rad(&stage.rest()?).abs();
     let came_m = dialogue.number(
         "How far did that wheel come from its mark, in metres, to the millimetre (such as 0.987)?",
         METRE_M,

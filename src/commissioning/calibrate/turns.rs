@@ -4,7 +4,6 @@ use std::f64::consts::PI;
 
 use crate::behavior::Drive;
 use crate::commissioning::Dialogue;
-use crate::senses::{Channel, Senses};
 use crate::units::{degrees, radians};
 
 use super::fit::Measured;
@@ -119,23 +118,16 @@ fn marked_rad(spin: &Spin) -> f64 {
 
 /// The track width for which the wheels' angles make this turn, metres: `b = c (φr - φl) / (2π θ)`.
 fn width_m(spin: &Spin, circumference_m: f64, turned_rad: f64) -> f64 {
-    let apart_rad =
-        (spin.to.right_rad - spin.from.right_rad) - (spin.to.left_rad - spin.from.left_rad);
-    circumference_m * apart_rad / (2.0 * PI * turned_rad)
+    circumference_m * spin.from.apart_rad(&spin.to) / (2.0 * PI * turned_rad)
 }
 
 fn spin_by_gyro(stage: &mut Stage<'_>, way: f64, turns: f64) -> Result<Spin, CalibrateError> {
     let from = stage.rest()?;
     let wanted_rad = turns * 2.0 * PI;
-    let turned_rad = |senses: &Senses| {
-        let gyro_rad = senses.get(Channel::Gyro).map(|reading| reading.value);
-        gyro_rad.zip(from.gyro_rad).map_or(0.0, |(now_rad, from_rad)| way * (now_rad - from_rad))
-    };
-    let ended = stage.drive(
-        spinning(way * SPIN_RAD_S),
-        limit(stage, wanted_rad, SPIN_RAD_S),
-        |senses| turned_rad(senses) >= wanted_rad,
-    )?;
+    let limit = limit(stage, wanted_rad, SPIN_RAD_S);
+    let ended = stage.drive(spinning(way * SPIN_RAD_S), limit, |now, _| {
+        way * Spin { from, to: *now, way }.gyro_rad() >= wanted_rad
+    })?;
     let to = stage.rest()?;
     let spin = Spin { from, to, way };
     if ended == Ended::Limit {
@@ -219,14 +211,9 @@ pub(super) fn turn(
     let from = stage.rest()?;
     let (track_m, circumference_m) =
         (stage.config().track_width_m, stage.config().wheel_circumference_m);
-    let turned_rad = |senses: &Senses| {
-        let angle = |channel| senses.get(channel).map_or(0.0, |reading| reading.value);
-        let apart_rad =
-            (angle(Channel::Right) - from.right_rad) - (angle(Channel::Left) - from.left_rad);
-        (circumference_m * apart_rad / (2.0 * PI * track_m)).abs()
-    };
-    stage.drive(spinning(turn_rad_s), limit(stage, angle_rad, turn_rad_s.abs()), |senses| {
-        turned_rad(senses) >= angle_rad
+    let limit = limit(stage, angle_rad, turn_rad_s.abs());
+    stage.drive(spinning(turn_rad_s), limit, |now, _| {
+        (circumference_m * from.apart_rad(now) / (2.0 * PI * track_m)).abs() >= angle_rad
     })
 }
 

@@ -1,6 +1,6 @@
 //! The brick itself: its files, its owner, and what people see, hear and press.
 
-use crate::ev3dev::{Battery, Button, Buttons, DeviceError, Inventory, Sound, StatusLights};
+use crate::ev3dev::{Battery, Buttons, DeviceError, Inventory, Sound, StatusLights};
 use crate::robot::{BatteryConfig, BatteryLimits, StopButton, stop_button_answers};
 use crate::runtime::{HardwareLock, LockError};
 use crate::units::counted;
@@ -112,7 +112,7 @@ pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
     let opened = Buttons::open(examination.patient.tree, examination.platform);
     let looked = opened.and_then(|mut buttons| buttons.changes().map(|_| buttons.held()));
     match looked {
-        Ok(held) if [Button::Enter, Button::Back].into_iter().any(|stop| held.contains(stop)) => {
+        Ok(held) if held.stops() => {
             diagnosis.warn(CHECK, "Enter or Back is held down", "let go of it: it stops a run");
         }
         Ok(_) => {

@@ -7,6 +7,7 @@ use crate::document::save::quoted;
 use crate::ev3dev::{Driver, PortAddress};
 use crate::robot::{ROBOTS, RobotConfig, ShippedRobot};
 use crate::senses::Role;
+use crate::units::rounded_to;
 
 /// What was found out about a robot; the measures begin as those of the seed's robot.
 #[derive(Debug, Clone, PartialEq)]
@@ -180,8 +181,8 @@ max_dps = 200
             return NO_HEAD.to_owned();
         };
         let ratio = f64::from(motor.abs()) / f64::from((*driven).max(1));
-        let [speed_dps, max_dps] = HEAD_MOTOR_DPS
-            .map(|motor_dps| libm::round((motor_dps * ratio).clamp(1.0, 360.0) * 10.0) / 10.0);
+        let [speed_dps, max_dps] =
+            HEAD_MOTOR_DPS.map(|motor_dps| rounded_to((motor_dps * ratio).clamp(1.0, 360.0), 10.0));
         format!(
             "
 [head]

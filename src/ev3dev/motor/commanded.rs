@@ -2,6 +2,9 @@
 
 use std::cell::Cell;
 
+use crate::ev3dev::node::{Attribute, Node};
+use crate::ev3dev::value::Value;
+
 /// A motor's account of the commands that it was given.
 #[derive(Debug)]
 pub(super) struct Commanded {
@@ -31,8 +34,11 @@ impl Commanded {
         self.ends_on_drop.set(ends);
     }
 
-    /// Whether a drop has something to end.
-    pub(super) fn is_to_be_ended(&self) -> bool {
-        self.may_drive.get() && self.ends_on_drop.get()
+    /// At a drop: ends by `command` what may be running.
+    pub(super) fn end<C: Value>(&self, node: &Node, file: &Attribute<C>, command: &C) {
+        if self.may_drive.get() && self.ends_on_drop.get() && file.is_open_for_writing() {
+            // An error cannot be reported from here; an unplugged motor does not turn.
+            let _ = file.write(node, command);
+        }
     }
 }

@@ -251,11 +251,7 @@ impl<K: MotorKind> PositionMotor<K> {
 
 impl<K: MotorKind> Drop for PositionMotor<K> {
     fn drop(&mut self) {
-        let file = &self.files.write_command;
-        if self.commanded.is_to_be_ended() && file.is_open_for_writing() {
-            // An error cannot be reported from here; an unplugged motor does not turn.
-            let _ = file.write(&self.node, &TachoCommand::Stop);
-        }
+        self.commanded.end(&self.node, &self.files.write_command, &TachoCommand::Stop);
     }
 }
 

@@ -111,10 +111,6 @@ impl ServoMotor {
 
 impl Drop for ServoMotor {
     fn drop(&mut self) {
-        let file = &self.files.write_command;
-        if self.commanded.is_to_be_ended() && file.is_open_for_writing() {
-            // An error cannot be reported from here; an unplugged servo does not push.
-            let _ = file.write(&self.node, &ServoCommand::Float);
-        }
+        self.commanded.end(&self.node, &self.files.write_command, &ServoCommand::Float);
     }
 }

@@ -28,41 +28,31 @@ sensor_modes!(ColourMode, Colour);
 /// The colour sensor, `lego-ev3-color`.
 pub type ColourSensor = TypedSensor<ColourMode>;
 
-/// What the sensor takes a surface for; the discriminant is the sensor's number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum Colour {
-    /// Nothing near enough.
-    None = 0,
-    /// Black.
-    Black = 1,
-    /// Blue.
-    Blue = 2,
-    /// Green.
-    Green = 3,
-    /// Yellow.
-    Yellow = 4,
-    /// Red.
-    Red = 5,
-    /// White.
-    White = 6,
-    /// Brown.
-    Brown = 7,
+words! {
+    /// What the sensor takes a surface for, with its name in missions and worlds; the discriminant
+    /// is the sensor's number.
+    #[repr(u8)]
+    Colour {
+        /// Nothing near enough.
+        None = "none",
+        /// Black.
+        Black = "black",
+        /// Blue.
+        Blue = "blue",
+        /// Green.
+        Green = "green",
+        /// Yellow.
+        Yellow = "yellow",
+        /// Red.
+        Red = "red",
+        /// White.
+        White = "white",
+        /// Brown.
+        Brown = "brown",
+    }
 }
 
 impl Colour {
-    /// Every colour, by its number.
-    pub const ALL: [Self; 8] = [
-        Self::None,
-        Self::Black,
-        Self::Blue,
-        Self::Green,
-        Self::Yellow,
-        Self::Red,
-        Self::White,
-        Self::Brown,
-    ];
-
     /// The sensor's number for it.
     #[must_use]
     pub const fn number(self) -> u8 {
@@ -100,8 +90,7 @@ impl ColourSensor {
     /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode;
     /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond 0 to 100.
     pub fn reflected_pct(&self) -> Result<f64, DeviceError> {
-        self.mode_among(&[ColourMode::Reflect], &["COL-REFLECT"])?;
-        self.first_value(0, 100).map(f64::from)
+        self.first_in(ColourMode::Reflect, 0, 100).map(f64::from)
     }
 
     /// Light from elsewhere, percent. Mode [`ColourMode::Ambient`].
@@ -110,8 +99,7 @@ impl ColourSensor {
     ///
     /// As [`ColourSensor::reflected_pct`].
     pub fn ambient_pct(&self) -> Result<f64, DeviceError> {
-        self.mode_among(&[ColourMode::Ambient], &["COL-AMBIENT"])?;
-        self.first_value(0, 100).map(f64::from)
+        self.first_in(ColourMode::Ambient, 0, 100).map(f64::from)
     }
 
     /// The colour below. Mode [`ColourMode::Colour`].
@@ -120,8 +108,7 @@ impl ColourSensor {
     ///
     /// As [`ColourSensor::reflected_pct`], with 0 to 7.
     pub fn colour(&self) -> Result<Colour, DeviceError> {
-        self.mode_among(&[ColourMode::Colour], &["COL-COLOR"])?;
-        let number = self.first_value(0, 7)?;
+        let number = self.first_in(ColourMode::Colour, 0, 7)?;
         let colour =
             usize::try_from(number).ok().and_then(|number| Colour::ALL.get(number).copied());
         colour.ok_or_else(|| self.sensor().illegal(number, 0, 7))
@@ -134,8 +121,9 @@ impl ColourSensor {
     ///
     /// As [`ColourSensor::reflected_pct`].
     pub fn raw_reflection(&self) -> Result<RawReflection, DeviceError> {
-        self.mode_among(&[ColourMode::RefRaw], &["REF-RAW"])?;
-        self.frame(|frame| Some(RawReflection { lit: frame.whole(0)?, dark: frame.whole(1)? }))
+        self.frame_in(ColourMode::RefRaw, |frame| {
+            Some(RawReflection { lit: frame.whole(0)?, dark: frame.whole(1)? })
+        })
     }
 
     /// The converter's numbers by colour, of one frame. Mode [`ColourMode::RgbRaw`].
@@ -144,8 +132,7 @@ impl ColourSensor {
     ///
     /// As [`ColourSensor::reflected_pct`].
     pub fn raw_rgb(&self) -> Result<RawRgb, DeviceError> {
-        self.mode_among(&[ColourMode::RgbRaw], &["RGB-RAW"])?;
-        self.frame(raw_rgb)
+        self.frame_in(ColourMode::RgbRaw, raw_rgb)
     }
 }
 

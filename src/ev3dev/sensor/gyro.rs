@@ -57,8 +57,6 @@ pub enum GyroReset {
     Calibrate,
 }
 
-const WHOLE_16: (i32, i32) = (i16::MIN as i32, i16::MAX as i32);
-
 impl GyroSensor {
     /// Angle, radians, clockwise positive. Mode [`GyroMode::Angle`].
     ///
@@ -67,8 +65,7 @@ impl GyroSensor {
     /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode;
     /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond 16 bits.
     pub fn angle_rad(&self) -> Result<f64, DeviceError> {
-        self.mode_among(&[GyroMode::Angle], &["GYRO-ANG"])?;
-        self.in_radians()
+        self.in_radians(GyroMode::Angle)
     }
 
     /// Rate, radians per second, clockwise positive. Mode [`GyroMode::Rate`].
@@ -77,8 +74,7 @@ impl GyroSensor {
     ///
     /// As [`GyroSensor::angle_rad`].
     pub fn rate_rad_s(&self) -> Result<f64, DeviceError> {
-        self.mode_among(&[GyroMode::Rate], &["GYRO-RATE"])?;
-        self.in_radians()
+        self.in_radians(GyroMode::Rate)
     }
 
     /// Rate as the sensor's converter has it, −1464 to 1535, clockwise positive; its scale is
@@ -88,8 +84,7 @@ impl GyroSensor {
     ///
     /// As [`GyroSensor::angle_rad`].
     pub fn fast_rate_raw(&self) -> Result<i32, DeviceError> {
-        self.mode_among(&[GyroMode::Fast], &["GYRO-FAS"])?;
-        self.first_value(WHOLE_16.0, WHOLE_16.1)
+        self.whole(GyroMode::Fast)
     }
 
     /// Angle and rate of one frame. Mode [`GyroMode::AngleAndRate`].
@@ -98,8 +93,7 @@ impl GyroSensor {
     ///
     /// As [`GyroSensor::angle_rad`].
     pub fn angle_and_rate(&self) -> Result<AngleAndRate, DeviceError> {
-        self.mode_among(&[GyroMode::AngleAndRate], &["GYRO-G&A"])?;
-        self.frame(|frame| match frame.values() {
+        self.frame_in(GyroMode::AngleAndRate, |frame| match frame.values() {
             [angle, rate, ..] => {
                 Some(AngleAndRate { angle_rad: radians(*angle), rate_rad_s: radians(*rate) })
             }
@@ -114,8 +108,7 @@ impl GyroSensor {
     ///
     /// As [`GyroSensor::angle_rad`].
     pub fn tilt_rate_rad_s(&self) -> Result<f64, DeviceError> {
-        self.mode_among(&[GyroMode::TiltRate], &["TILT-RATE"])?;
-        self.in_radians()
+        self.in_radians(GyroMode::TiltRate)
     }
 
     /// Angle about the second axis, radians, positive clockwise seen from the side opposite the
@@ -125,8 +118,7 @@ impl GyroSensor {
     ///
     /// As [`GyroSensor::angle_rad`].
     pub fn tilt_angle_rad(&self) -> Result<f64, DeviceError> {
-        self.mode_among(&[GyroMode::TiltAngle], &["TILT-ANG"])?;
-        self.in_radians()
+        self.in_radians(GyroMode::TiltAngle)
     }
 
     /// Tells a newer sensor to start over. Mode [`GyroMode::Angle`]. There is no answer; look at
@@ -136,7 +128,7 @@ impl GyroSensor {
     ///
     /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode; what writing gives.
     pub fn reset(&self, what: GyroReset) -> Result<(), DeviceError> {
-        self.mode_among(&[GyroMode::Angle], &["GYRO-ANG"])?;
+        self.in_mode(GyroMode::Angle)?;
         // ev3dev issues 362, 1372 and 1387.
         self.sensor().write_direct(match what {
             GyroReset::Zero => &[0x11],
@@ -144,7 +136,11 @@ impl GyroSensor {
         })
     }
 
-    fn in_radians(&self) -> Result<f64, DeviceError> {
-        Ok(radians(f64::from(self.first_value(WHOLE_16.0, WHOLE_16.1)?)))
+    fn whole(&self, mode: GyroMode) -> Result<i32, DeviceError> {
+        self.first_in(mode, i16::MIN.into(), i16::MAX.into())
+    }
+
+    fn in_radians(&self, mode: GyroMode) -> Result<f64, DeviceError> {
+        Ok(radians(f64::from(self.whole(mode)?)))
     }
 }

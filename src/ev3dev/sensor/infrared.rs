@@ -36,54 +36,40 @@ pub struct Beacon {
     pub distance_pct: f64,
 }
 
-/// What is pressed on one channel of the remote; the discriminant is the sensor's code. Red is the
-/// left column, blue the right; more than two buttons mostly read as none.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum RemoteCode {
-    /// Nothing.
-    None = 0,
-    /// Red up.
-    RedUp = 1,
-    /// Red down.
-    RedDown = 2,
-    /// Blue up.
-    BlueUp = 3,
-    /// Blue down.
-    BlueDown = 4,
-    /// Red up and blue up.
-    RedUpBlueUp = 5,
-    /// Red up and blue down.
-    RedUpBlueDown = 6,
-    /// Red down and blue up.
-    RedDownBlueUp = 7,
-    /// Red down and blue down.
-    RedDownBlueDown = 8,
-    /// The beacon is on.
-    Beacon = 9,
-    /// Red up and red down.
-    RedUpRedDown = 10,
-    /// Blue up and blue down.
-    BlueUpBlueDown = 11,
+words! {
+    /// What is pressed on one channel of the remote, with its name in missions; the discriminant is
+    /// the sensor's code. Red is the left column, blue the right; more than two buttons mostly read
+    /// as none.
+    #[repr(u8)]
+    RemoteCode {
+        /// Nothing.
+        None = "none",
+        /// Red up.
+        RedUp = "left_up",
+        /// Red down.
+        RedDown = "left_down",
+        /// Blue up.
+        BlueUp = "right_up",
+        /// Blue down.
+        BlueDown = "right_down",
+        /// Red up and blue up.
+        RedUpBlueUp = "both_up",
+        /// Red up and blue down.
+        RedUpBlueDown = "left_up_right_down",
+        /// Red down and blue up.
+        RedDownBlueUp = "left_down_right_up",
+        /// Red down and blue down.
+        RedDownBlueDown = "both_down",
+        /// The beacon is on.
+        Beacon = "beacon",
+        /// Red up and red down.
+        RedUpRedDown = "left_up_left_down",
+        /// Blue up and blue down.
+        BlueUpBlueDown = "right_up_right_down",
+    }
 }
 
 impl RemoteCode {
-    /// Every code, by its number.
-    pub const ALL: [Self; 12] = [
-        Self::None,
-        Self::RedUp,
-        Self::RedDown,
-        Self::BlueUp,
-        Self::BlueDown,
-        Self::RedUpBlueUp,
-        Self::RedUpBlueDown,
-        Self::RedDownBlueUp,
-        Self::RedDownBlueDown,
-        Self::Beacon,
-        Self::RedUpRedDown,
-        Self::BlueUpBlueDown,
-    ];
-
     /// The sensor's code for it.
     #[must_use]
     pub const fn number(self) -> u8 {
@@ -119,8 +105,7 @@ impl InfraredSensor {
     /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode;
     /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond 0 to 100.
     pub fn proximity_pct(&self) -> Result<f64, DeviceError> {
-        self.mode_among(&[InfraredMode::Proximity], &["IR-PROX"])?;
-        self.first_value(0, 100).map(f64::from)
+        self.first_in(InfraredMode::Proximity, 0, 100).map(f64::from)
     }
 
     /// The beacons on channels 1 to 4, of one frame; `None` if there is none. Mode
@@ -130,8 +115,7 @@ impl InfraredSensor {
     ///
     /// As [`InfraredSensor::proximity_pct`].
     pub fn beacons(&self) -> Result<[Option<Beacon>; 4], DeviceError> {
-        self.mode_among(&[InfraredMode::Seek], &["IR-SEEK"])?;
-        self.frame(beacons)
+        self.frame_in(InfraredMode::Seek, beacons)
     }
 
     /// What is pressed on channels 1 to 4, of one frame. Mode [`InfraredMode::Remote`].
@@ -140,8 +124,7 @@ impl InfraredSensor {
     ///
     /// As [`InfraredSensor::proximity_pct`], with 0 to 11.
     pub fn remotes(&self) -> Result<[RemoteCode; 4], DeviceError> {
-        self.mode_among(&[InfraredMode::Remote], &["IR-REMOTE"])?;
-        self.frame(remotes)
+        self.frame_in(InfraredMode::Remote, remotes)
     }
 
     /// What is pressed on channel 1: a short text instead of a frame. Mode
@@ -151,8 +134,7 @@ impl InfraredSensor {
     ///
     /// As [`InfraredSensor::remotes`].
     pub fn remote(&self) -> Result<RemoteCode, DeviceError> {
-        self.mode_among(&[InfraredMode::Remote], &["IR-REMOTE"])?;
-        let number = self.first_value(0, 11)?;
+        let number = self.first_in(InfraredMode::Remote, 0, 11)?;
         code(number.into()).ok_or_else(|| self.sensor().illegal(number, 0, 11))
     }
 
@@ -163,8 +145,7 @@ impl InfraredSensor {
     ///
     /// As [`InfraredSensor::proximity_pct`], with 256 to 511.
     pub fn remote_buttons(&self) -> Result<RemoteButtons, DeviceError> {
-        self.mode_among(&[InfraredMode::RemoteA], &["IR-REM-A"])?;
-        let bits = self.first_value(256, 511)?;
+        let bits = self.first_in(InfraredMode::RemoteA, 256, 511)?;
         if bits == REM_A_NOTHING {
             return Ok(RemoteButtons::default());
         }

@@ -28,7 +28,7 @@ impl TouchSensor {
     /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) for anything but 0 and 1; what reading
     /// gives.
     pub fn is_pressed(&self) -> Result<bool, DeviceError> {
-        Ok(self.first_value(0, 1)? == 1)
+        Ok(self.first_in(TouchMode::Touch, 0, 1)? == 1)
     }
 
     /// The voltage at the sensor's pin, volts; pressed is above 0.25 V.
@@ -37,7 +37,9 @@ impl TouchSensor {
     ///
     /// What reading gives.
     pub fn pin_v(&self) -> Result<f64, DeviceError> {
-        self.frame(|frame| frame.values().first().map(|millivolts| millivolts / 1000.0))
+        self.frame_in(TouchMode::Touch, |frame| {
+            frame.values().first().map(|millivolts| millivolts / 1000.0)
+        })
     }
 
     /// Waits until it is pressed or let go, or until `timeout`; true if it was.

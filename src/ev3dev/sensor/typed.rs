@@ -20,6 +20,9 @@ pub trait SensorMode: Debug + Copy + Eq + 'static {
     /// Every usable mode, in the sensor's order.
     const MODES: &'static [Self];
 
+    /// The same as the kernel writes them.
+    const WORDS: &'static [&'static str];
+
     /// The mode as the kernel writes it.
     fn word(self) -> &'static str;
 }
@@ -105,20 +108,30 @@ impl<M: SensorMode> TypedSensor<M> {
         })
     }
 
+    /// This mode must be in force.
+    pub(super) fn in_mode(&self, mode: M) -> Result<(), DeviceError> {
+        let at = M::MODES.iter().position(|known| *known == mode).unwrap_or_default();
+        let modes = M::MODES.get(at..=at).unwrap_or_default();
+        self.mode_among(modes, M::WORDS.get(at..=at).unwrap_or_default()).map(drop)
+    }
+
     pub(super) fn sensor_mut(&mut self) -> &mut Sensor {
         &mut self.sensor
     }
 
-    /// The first value, which must be legal.
-    pub(super) fn first_value(&self, first: i32, last: i32) -> Result<i32, DeviceError> {
+    /// The first value of a mode, which must be in force; the value must be legal.
+    pub(super) fn first_in(&self, mode: M, first: i32, last: i32) -> Result<i32, DeviceError> {
+        self.in_mode(mode)?;
         self.sensor.first_value_within(first, last)
     }
 
-    /// One frame, of which `meaning` makes a value.
-    pub(super) fn frame<T>(
+    /// One frame of a mode, which must be in force; `meaning` makes a value of it.
+    pub(super) fn frame_in<T>(
         &self,
+        mode: M,
         meaning: impl FnOnce(&Frame) -> Option<T>,
     ) -> Result<T, DeviceError> {
+        self.in_mode(mode)?;
         let frame = self.sensor.frame()?;
         meaning(&frame).ok_or_else(|| self.sensor.malformed_frame())
     }
@@ -134,6 +147,7 @@ macro_rules! sensor_modes {
         impl $crate::ev3dev::sensor::SensorMode for $modes {
             const DRIVER: $crate::ev3dev::Driver = $crate::ev3dev::Driver::$driver;
             const MODES: &'static [Self] = Self::ALL;
+            const WORDS: &'static [&'static str] = Self::WORDS;
 
             fn word(self) -> &'static str {
                 self.as_str()

@@ -63,7 +63,7 @@ impl UltrasonicSensor {
             DistCm | SingleCm | DcCm => (NO_ECHO_TENTHS_CM, 0.001),
             _ => (NO_ECHO_TENTHS_IN, 0.00254),
         };
-        let tenths = self.first_value(0, no_echo)?;
+        let tenths = self.sensor().first_value_within(0, no_echo)?;
         Ok((tenths < no_echo).then(|| f64::from(tenths) * tenth_m))
     }
 
@@ -73,8 +73,7 @@ impl UltrasonicSensor {
     ///
     /// As [`UltrasonicSensor::distance_m`].
     pub fn hears_another(&self) -> Result<bool, DeviceError> {
-        self.mode_among(&[UltrasonicMode::Listen], &["US-LISTEN"])?;
-        Ok(self.first_value(0, 1)? == 1)
+        Ok(self.first_in(UltrasonicMode::Listen, 0, 1)? == 1)
     }
 
     /// Makes a single-shot mode measure once. Leave [`MIN_PING_INTERVAL_NS`] between two.

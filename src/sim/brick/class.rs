@@ -17,31 +17,27 @@ pub(crate) enum Class {
 }
 
 impl Class {
-    pub(crate) const ALL: [Self; 9] = [
-        Self::BoardInfo,
-        Self::DcMotor,
-        Self::Graphics,
-        Self::Leds,
-        Self::Port,
-        Self::Sensor,
-        Self::PowerSupply,
-        Self::ServoMotor,
-        Self::TachoMotor,
+    /// All of them by the names of their folders, those in `sys/class` first.
+    const NAMES: [(Self, &'static str); 10] = [
+        (Self::BoardInfo, "board-info"),
+        (Self::DcMotor, "dc-motor"),
+        (Self::Graphics, "graphics"),
+        (Self::Leds, "leds"),
+        (Self::Port, "lego-port"),
+        (Self::Sensor, "lego-sensor"),
+        (Self::PowerSupply, "power_supply"),
+        (Self::ServoMotor, "servo-motor"),
+        (Self::TachoMotor, "tacho-motor"),
+        (Self::LegoBus, "lego"),
     ];
+
+    /// Those in `sys/class`.
+    pub(crate) fn in_sys_class() -> impl Iterator<Item = Self> {
+        Self::NAMES.into_iter().map(|(class, _)| class).filter(|class| *class != Self::LegoBus)
+    }
 
     /// The name of its folder in `sys/class`, or in `sys/bus`.
     pub(crate) fn as_str(self) -> &'static str {
-        match self {
-            Self::BoardInfo => "board-info",
-            Self::LegoBus => "lego",
-            Self::DcMotor => "dc-motor",
-            Self::Graphics => "graphics",
-            Self::Leds => "leds",
-            Self::Port => "lego-port",
-            Self::Sensor => "lego-sensor",
-            Self::PowerSupply => "power_supply",
-            Self::ServoMotor => "servo-motor",
-            Self::TachoMotor => "tacho-motor",
-        }
+        Self::NAMES.iter().find(|(class, _)| *class == self).map_or("", |(_, name)| name)
     }
 }

@@ -1,6 +1,7 @@
 //! The faults on a brick's ports: `sim::fault` says what they do.
 
 use super::{Brick, Device, FIRST_OUTPUT};
+use crate::ev3dev::Direction;
 use crate::sim::fault::{DeviceFault, FaultError, PortFaults};
 use crate::sim::ports::Port;
 use nix::errno::Errno;
@@ -81,11 +82,8 @@ impl Brick {
     /// The driver of a device on a port; of a light too, which a port in mode `led` has.
     pub(crate) fn driver_name(&self, id: u32) -> Option<&'static str> {
         match &self.node(id)?.device {
-            Device::Tacho(_, motor) => Some(motor.model.driver_name),
-            Device::Dc(..) => Some(crate::sim::driver::dc::DRIVER_NAME),
-            Device::Sensor(_, sensor) => Some(sensor.model.driver_name),
             Device::Led(_) => Some("led"),
-            _ => None,
+            _ => self.driver(id)?.identity().map(|(driver_name, _)| driver_name),
         }
     }
 
@@ -98,7 +96,7 @@ impl Brick {
     ) -> Result<(), Errno> {
         let id = self.ports.get(port.index()).and_then(|port| port.device).ok_or(Errno::ENODEV)?;
         let spec = self.attribute(id, attribute).ok_or(Errno::ENOENT)?;
-        if spec.permissions & 0o222 == 0 {
+        if spec.direction == Direction::Readable {
             return Err(Errno::EACCES);
         }
         // The program that waits for the end of the write is another one.

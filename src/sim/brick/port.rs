@@ -3,24 +3,13 @@
 
 use nix::errno::Errno;
 
-use crate::ev3dev::PISTORMS;
+use crate::ev3dev::{LegoPort, PISTORMS};
 use crate::sim::board::{Board, PortKind};
 use crate::sim::driver::sensor::{HANDSHAKE_NS, MODELS, model};
 use crate::sim::driver::tacho::{self, Model};
 use crate::sim::driver::text::word;
-use crate::sim::driver::{
-    Context, Driver, Spec, Took, lego_uevent, line, list, readable, readwriteable, writeable,
-};
+use crate::sim::driver::{Attributes, Context, Driver, Took, lego_uevent, line, list};
 use crate::sim::physics::{MotorKind, SensorKind};
-
-const ATTRIBUTES: &[Spec] = &[
-    readable("address"),
-    readable("driver_name"),
-    readwriteable("mode"),
-    readable("modes"),
-    writeable("set_device"),
-    readable("status"),
-];
 
 /// A plug is believed once it has been stable for 350 ms, and the pins have settled twice for 20
 /// ms.
@@ -265,14 +254,16 @@ fn detection_ns(plugged: Plugged) -> i64 {
 }
 
 impl Driver for PortState {
-    fn attributes(&self) -> &'static [Spec] {
-        ATTRIBUTES
+    fn attributes(&self) -> Attributes {
+        [LegoPort::ATTRIBUTES, &[]]
+    }
+
+    fn identity(&self) -> Option<(&'static str, &str)> {
+        Some((self.kind().driver, self.address))
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         match attribute {
-            "address" => line(out, self.address),
-            "driver_name" => line(out, self.kind().driver),
             "mode" => line(out, self.mode_name()),
             "modes" => list(out, self.modes().iter().copied()),
             "status" => line(out, self.status()),

@@ -13,8 +13,9 @@
 use nix::errno::Errno;
 
 use super::{Brick, Class, Device, UEVENT};
+use crate::ev3dev::AttributeSpec;
 use crate::sim::driver::bus::{BusDevice, POWER};
-use crate::sim::driver::{Entry, Spec, readable, readwriteable};
+use crate::sim::driver::{Entry, EntryKind};
 
 /// Where a robot truly is: no file of a real brick, and so outside the folders that programs look
 /// into.
@@ -58,7 +59,7 @@ impl Brick {
             let files = files.map(|(_, name)| self.other_file(name));
             folders.iter().map(|name| Entry::folder(name)).chain(files).collect()
         } else if folder == "sys/class" {
-            Class::ALL.iter().map(|class| Entry::folder(class.as_str())).collect()
+            Class::in_sys_class().map(|class| Entry::folder(class.as_str())).collect()
         } else if folder == BUS_DEVICES {
             self.names(Class::LegoBus).map(Entry::link).collect()
         } else if folder == BUS_DRIVERS.trim_end_matches('/') {
@@ -76,10 +77,8 @@ impl Brick {
         {
             entries
         } else if let Some(class) = folder.strip_prefix("sys/class/") {
-            let class = Class::ALL
-                .into_iter()
-                .find(|known| known.as_str() == class)
-                .ok_or(Errno::ENOENT)?;
+            let class =
+                Class::in_sys_class().find(|known| known.as_str() == class).ok_or(Errno::ENOENT)?;
             self.names(class).map(Entry::link).collect()
         } else {
             self.folders_between(folder.strip_prefix("sys/").ok_or(Errno::ENOENT)?)?
@@ -185,16 +184,12 @@ impl Brick {
 
     /// A file in `dev`, as long as the picture, or of no length; or the truth, which is read-only.
     fn other_file(&self, name: &str) -> Entry {
-        if TRUTH.ends_with(name) {
-            return Entry { name: name.to_owned(), size: 0, ..Entry::file(&readable("")) };
-        }
         let size = if name == "fb0" { self.lcd_bytes().len() } else { 0 };
-        let file = Entry::file(&readwriteable(""));
         Entry {
             name: name.to_owned(),
+            kind: EntryKind::File,
+            permissions: if TRUTH.ends_with(name) { 0o444 } else { 0o660 },
             size: u64::try_from(size).unwrap_or_default(),
-            permissions: 0o660,
-            ..file
         }
     }
 
@@ -205,9 +200,9 @@ impl Brick {
     /// ENOENT where there is no such folder.
     fn entries(&self, id: u32, folder: &str) -> Result<Vec<Entry>, Errno> {
         let driver = self.driver(id).ok_or(Errno::ENOENT)?;
-        let file = |spec: &Spec| self.with_udev(id, Entry::file(spec));
-        let inside = |spec: &Spec| spec.name.split_once('/');
-        let specs = || driver.attributes().iter().chain(POWER);
+        let file = |spec: &AttributeSpec| self.with_udev(id, Entry::file(spec));
+        let inside = |spec: &AttributeSpec| spec.name.split_once('/');
+        let specs = || driver.attributes().into_iter().flatten().chain(&POWER);
         if !folder.is_empty() {
             let files = specs().filter_map(|spec| match spec.name.split_once('/') {
                 Some((parent, name)) if parent == folder => {

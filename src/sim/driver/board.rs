@@ -5,7 +5,7 @@ use std::io::Write as _;
 use nix::errno::Errno;
 
 use super::text::word;
-use super::{Context, Driver, Spec, Took, line};
+use super::{Attributes, Context, Driver, Took, line};
 use crate::sim::board::Board;
 
 /// One step of the current, in microamperes.
@@ -83,8 +83,8 @@ fn quantised(value: f64, step: f64) -> f64 {
 }
 
 impl Driver for Battery {
-    fn attributes(&self) -> &'static [Spec] {
-        self.board.battery.attributes
+    fn attributes(&self) -> Attributes {
+        [self.board.battery.attributes, &[]]
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
@@ -128,7 +128,7 @@ impl Driver for Battery {
             "current_now",
             "scope",
         ] {
-            if self.attributes().iter().any(|spec| spec.name == attribute) {
+            if self.board.battery.attributes.iter().any(|spec| spec.name == attribute) {
                 let _ = write!(out, "POWER_SUPPLY_{}=", attribute.to_ascii_uppercase());
                 let _ = self.read(attribute, out);
             }

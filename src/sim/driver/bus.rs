@@ -5,12 +5,13 @@
 use nix::errno::Errno;
 
 use super::text::word;
-use super::{Driver, Spec, lego_uevent, line, readable, readwriteable};
+use super::{Attributes, Driver, lego_uevent, line, readable, readwriteable};
+use crate::ev3dev::AttributeSpec;
 use crate::sim::board::Board;
 
 /// Runtime power management, which no driver of the brick takes part in
 /// (`drivers/base/power/sysfs.c`).
-pub(crate) const POWER: &[Spec] = &[
+pub(crate) static POWER: [AttributeSpec; 5] = [
     readwriteable("power/autosuspend_delay_ms"),
     readwriteable("power/control"),
     readable("power/runtime_active_time"),
@@ -76,9 +77,9 @@ impl BusDevice {
 }
 
 impl Driver for BusDevice {
-    fn attributes(&self) -> &'static [Spec] {
-        const ATTRIBUTES: &[Spec] = &[readable("modalias")];
-        ATTRIBUTES
+    fn attributes(&self) -> Attributes {
+        const ATTRIBUTES: &[AttributeSpec] = &[readable("modalias")];
+        [ATTRIBUTES, &[]]
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {

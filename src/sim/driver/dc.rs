@@ -7,32 +7,14 @@
 use nix::errno::Errno;
 
 use super::jiffies::{due_ns, from_ms, jiffies};
-use super::text::{int_in, known, scan_unsigned, word};
-use super::{
-    Context, Driver, Spec, Took, lego_uevent, line, list, readable, readwriteable, wrap, writeable,
-};
-use crate::ev3dev::{DcCommand as Command, Polarity};
+use super::text::{int, known, scan_unsigned, within, word};
+use super::{Attributes, Context, Driver, Took, line, list, wrap};
+use crate::ev3dev::{self, DcCommand as Command, Polarity};
 use crate::sim::physics::Bridge;
 
 const STOP_ACTIONS: [&str; 2] = ["coast", "brake"];
 const RAMP_PERIOD: i64 = 10;
-pub(crate) const DRIVER_NAME: &str = "rcx-motor";
-
-const ATTRIBUTES: &[Spec] = &[
-    readable("address"),
-    writeable("command"),
-    readable("commands"),
-    readable("driver_name"),
-    readable("duty_cycle"),
-    readwriteable("duty_cycle_sp"),
-    readwriteable("polarity"),
-    readwriteable("ramp_down_sp"),
-    readwriteable("ramp_up_sp"),
-    readable("state"),
-    writeable("stop_action"),
-    readable("stop_actions"),
-    readwriteable("time_sp"),
-];
+const DRIVER_NAME: &str = "rcx-motor";
 
 #[derive(Debug, Clone, Copy, Default)]
 struct SetPoints {
@@ -143,14 +125,16 @@ impl DcMotor {
 }
 
 impl Driver for DcMotor {
-    fn attributes(&self) -> &'static [Spec] {
-        ATTRIBUTES
+    fn attributes(&self) -> Attributes {
+        [ev3dev::DcMotor::ATTRIBUTES, &[]]
+    }
+
+    fn identity(&self) -> Option<(&'static str, &str)> {
+        Some((DRIVER_NAME, self.address))
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         match attribute {
-            "address" => line(out, self.address),
-            "driver_name" => line(out, DRIVER_NAME),
             "commands" => list(out, Command::WORDS.iter().copied()),
             "stop_actions" => list(out, STOP_ACTIONS),
             "polarity" => list(out, Polarity::WORDS.get(usize::from(self.set.inversed)).copied()),
@@ -173,7 +157,7 @@ impl Driver for DcMotor {
         match attribute {
             "command" => self.command(known(bytes)?, context.now_ns),
             "duty_cycle_sp" => {
-                self.set.duty = int_in(bytes, -100, 100)?;
+                self.set.duty = within(int(bytes)?, -100..=100)?;
                 if self.command == Command::RunDirect {
                     let duty = self.set.duty;
                     self.active.duty = if self.active.inversed { -duty } else { duty };
@@ -182,20 +166,11 @@ impl Driver for DcMotor {
             }
             "polarity" => self.set.inversed = known::<Polarity>(bytes)? == Polarity::Inversed,
             "stop_action" => self.set.brake = word(bytes, STOP_ACTIONS)? == 1,
-            "ramp_up_sp" => self.set.ramp_up_ms = ramp_ms(bytes)?,
-            "ramp_down_sp" => self.set.ramp_down_ms = ramp_ms(bytes)?,
-            "time_sp" => self.set.time_ms = int_in(bytes, 0, 60_000)?,
+            "ramp_up_sp" => self.set.ramp_up_ms = within(scan_unsigned(bytes)?, 0..=10_000)?,
+            "ramp_down_sp" => self.set.ramp_down_ms = within(scan_unsigned(bytes)?, 0..=10_000)?,
+            "time_sp" => self.set.time_ms = within(int(bytes)?, 0..=60_000)?,
             _ => return Err(Errno::EIO),
         }
         Ok(None)
     }
-
-    fn uevent(&self, out: &mut Vec<u8>) {
-        lego_uevent(out, DRIVER_NAME, self.address);
-    }
-}
-
-fn ramp_ms(bytes: &[u8]) -> Result<u32, Errno> {
-    let ms = scan_unsigned(bytes)?;
-    if ms <= 10_000 { Ok(ms) } else { Err(Errno::EINVAL) }
 }

@@ -3,18 +3,10 @@
 use std::collections::VecDeque;
 use std::ffi::c_long;
 
+use evdev::{EventType, SoundCode, SynchronizationCode};
 use nix::errno::Errno;
 
 use crate::ev3dev::Button;
-
-// From `linux/input-event-codes.h`.
-const EV_SYN: u16 = 0;
-const EV_KEY: u16 = 1;
-const EV_SND: u16 = 0x12;
-const SYN_REPORT: u16 = 0;
-const SYN_DROPPED: u16 = 3;
-const SND_BELL: u16 = 1;
-const SND_TONE: u16 = 2;
 
 /// The width of the time before an event: two C longs of the reader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,7 +42,7 @@ const KEPT: usize = 64;
 #[derive(Debug, Clone, Copy)]
 struct Event {
     time_ns: i64,
-    kind: u16,
+    kind: EventType,
     code: u16,
     value: i32,
 }
@@ -64,7 +56,7 @@ impl Event {
             let low = if cfg!(target_endian = "big") { bytes.len() - half } else { 0 };
             out.extend_from_slice(bytes.get(low..low + half).unwrap_or_default());
         }
-        out.extend_from_slice(&self.kind.to_ne_bytes());
+        out.extend_from_slice(&self.kind.0.to_ne_bytes());
         out.extend_from_slice(&self.code.to_ne_bytes());
         out.extend_from_slice(&self.value.to_ne_bytes());
     }
@@ -101,7 +93,8 @@ impl Events {
         }
         let oldest = self.total - self.kept.len();
         if from < oldest {
-            Event { time_ns: 0, kind: EV_SYN, code: SYN_DROPPED, value: 0 }.bytes(layout, out);
+            let (kind, code) = (EventType::SYNCHRONIZATION, SynchronizationCode::SYN_DROPPED.0);
+            Event { time_ns: 0, kind, code, value: 0 }.bytes(layout, out);
             return Ok(oldest);
         }
         let events = self.kept.iter().skip(from - oldest).take(room);
@@ -109,8 +102,9 @@ impl Events {
     }
 
     /// An event and the report that ends it.
-    fn push(&mut self, time_ns: i64, kind: u16, code: u16, value: i32) {
-        for (kind, code, value) in [(kind, code, value), (EV_SYN, SYN_REPORT, 0)] {
+    fn push(&mut self, time_ns: i64, kind: EventType, code: u16, value: i32) {
+        let report = (EventType::SYNCHRONIZATION, SynchronizationCode::SYN_REPORT.0, 0);
+        for (kind, code, value) in [(kind, code, value), report] {
             self.kept.push_back(Event { time_ns, kind, code, value });
             self.total += 1;
             if self.kept.len() > KEPT {
@@ -139,7 +133,7 @@ impl Buttons {
         } else {
             self.pressed.retain(|other| *other != button);
         }
-        self.events.push(now_ns, EV_KEY, button.code(), i32::from(pressed));
+        self.events.push(now_ns, EventType::KEY, button.code(), i32::from(pressed));
     }
 }
 
@@ -173,7 +167,7 @@ impl Speaker {
         for event in events {
             let fields = event.get(layout.time_length()..);
             if let Some([kind_low, kind_high, code_low, code_high, value @ ..]) = fields {
-                let kind = u16::from_ne_bytes([*kind_low, *kind_high]);
+                let kind = EventType(u16::from_ne_bytes([*kind_low, *kind_high]));
                 let code = u16::from_ne_bytes([*code_low, *code_high]);
                 let value = value.try_into().map_or(0, i32::from_ne_bytes);
                 self.play(kind, code, value, now_ns);
@@ -184,17 +178,18 @@ impl Speaker {
 
     /// Sounds at a frequency in hertz, or with 0 falls silent, as if a program had written it.
     pub(crate) fn tone(&mut self, hz: u32, now_ns: i64) {
-        self.play(EV_SND, SND_TONE, i32::try_from(hz).unwrap_or(i32::MAX), now_ns);
+        let hz = i32::try_from(hz).unwrap_or(i32::MAX);
+        self.play(EventType::SOUND, SoundCode::SND_TONE.0, hz, now_ns);
     }
 
-    fn play(&mut self, kind: u16, code: u16, value: i32, now_ns: i64) {
-        if kind != EV_SND {
+    fn play(&mut self, kind: EventType, code: u16, value: i32, now_ns: i64) {
+        if kind != EventType::SOUND {
             return;
         }
-        let tone = match (code, value) {
-            (SND_BELL | SND_TONE, 0) => None,
-            (SND_BELL, _) => Some(1000),
-            (SND_TONE, hz) => Some(hz.clamp(100, 10_000).unsigned_abs()),
+        let tone = match (SoundCode(code), value) {
+            (SoundCode::SND_BELL | SoundCode::SND_TONE, 0) => None,
+            (SoundCode::SND_BELL, _) => Some(1000),
+            (SoundCode::SND_TONE, hz) => Some(hz.clamp(100, 10_000).unsigned_abs()),
             _ => return,
         };
         self.tone_hz = tone;

@@ -12,9 +12,10 @@ use std::str::FromStr;
 
 use nix::errno::Errno;
 
-use super::{Context, Driver, Spec, Took, line, readable, readwriteable};
+use super::{Attributes, Context, Driver, Took, line, readable, readwriteable};
+use crate::ev3dev::AttributeSpec;
 
-const ATTRIBUTES: &[Spec] = &[
+const ATTRIBUTES: &[AttributeSpec] = &[
     readwriteable("bits_per_pixel"),
     readwriteable("modes"),
     readable("name"),
@@ -50,24 +51,6 @@ impl LcdGeometry {
         } else {
             Err(BadGeometry)
         }
-    }
-
-    /// Pixels in a row.
-    #[must_use]
-    pub const fn width(self) -> u32 {
-        self.width
-    }
-
-    /// Rows.
-    #[must_use]
-    pub const fn height(self) -> u32 {
-        self.height
-    }
-
-    /// Bits of a pixel.
-    #[must_use]
-    pub const fn bits_per_pixel(self) -> u32 {
-        self.bits_per_pixel
     }
 
     /// Bytes from one row to the next: a whole number of 32-bit words.
@@ -171,8 +154,8 @@ fn grey(row: &[u8], x: usize, bits_per_pixel: u32) -> u8 {
 }
 
 impl Driver for Lcd {
-    fn attributes(&self) -> &'static [Spec] {
-        ATTRIBUTES
+    fn attributes(&self) -> Attributes {
+        [ATTRIBUTES, &[]]
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {

@@ -3,7 +3,8 @@
 use nix::errno::Errno;
 
 use super::text::{unsigned, word};
-use super::{Context, Driver, Spec, Took, line, list, readable, readwriteable};
+use super::{Attributes, Context, Driver, Took, line, list};
+use crate::ev3dev::{self, AttributeSpec};
 
 /// The triggers of a real brick's kernel.
 const TRIGGERS: [&str; 24] = [
@@ -35,16 +36,6 @@ const TRIGGERS: [&str; 24] = [
 const NONE: usize = 0;
 const TIMER: usize = 15;
 const DEFAULT_ON: usize = 17;
-
-const PLAIN: &[Spec] =
-    &[readwriteable("brightness"), readable("max_brightness"), readwriteable("trigger")];
-const BLINKING: &[Spec] = &[
-    readwriteable("brightness"),
-    readwriteable("delay_off"),
-    readwriteable("delay_on"),
-    readable("max_brightness"),
-    readwriteable("trigger"),
-];
 
 /// One light.
 #[derive(Debug)]
@@ -80,8 +71,13 @@ impl Led {
 }
 
 impl Driver for Led {
-    fn attributes(&self) -> &'static [Spec] {
-        if self.trigger == TIMER { BLINKING } else { PLAIN }
+    fn attributes(&self) -> Attributes {
+        // The times, which only that trigger has, are the last rows.
+        let is_there =
+            |spec: &AttributeSpec| self.trigger == TIMER || !spec.name.starts_with("delay_");
+        let (there, _) =
+            ev3dev::Led::ATTRIBUTES.split_at(ev3dev::Led::ATTRIBUTES.partition_point(is_there));
+        [there, &[]]
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {

@@ -15,9 +15,8 @@ use rand_chacha::rand_core::Rng as _;
 pub(crate) use self::models::{MODELS, Mode, Model, model};
 use self::models::{decode, encode};
 use super::text::word;
-use super::{
-    Context, Driver, Spec, Took, Wait, lego_uevent, line, list, readable, readwriteable, writeable,
-};
+use super::{Attributes, Context, Driver, Took, Wait, line, list};
+use crate::ev3dev;
 use crate::sim::physics::SensorKind;
 
 /// The analog pin's voltage from which a touch sensor counts as pressed, in millivolts.
@@ -28,32 +27,6 @@ const PRESSED_PIN_MV: i32 = 4000;
 
 /// A gyro takes this long to zero its angle after it was told to.
 const ZEROING_NS: i64 = 25_000_000;
-
-const ATTRIBUTES: &[Spec] = &[
-    readable("address"),
-    Spec { name: "bin_data", permissions: 0o444, size: 32 },
-    readable("bin_data_format"),
-    writeable("command"),
-    readable("commands"),
-    readable("decimals"),
-    Spec { name: "direct", permissions: 0o644, size: 255 },
-    readable("driver_name"),
-    readable("fw_version"),
-    readwriteable("mode"),
-    readable("modes"),
-    readable("num_values"),
-    readwriteable("poll_ms"),
-    readable("text_value"),
-    readable("units"),
-    readable("value0"),
-    readable("value1"),
-    readable("value2"),
-    readable("value3"),
-    readable("value4"),
-    readable("value5"),
-    readable("value6"),
-    readable("value7"),
-];
 
 /// How a gyro takes a change of mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -365,19 +338,21 @@ impl Sensor {
 }
 
 impl Driver for Sensor {
-    fn attributes(&self) -> &'static [Spec] {
-        ATTRIBUTES
+    fn attributes(&self) -> Attributes {
+        [ev3dev::Sensor::ATTRIBUTES, ev3dev::Sensor::BINARY_ATTRIBUTES]
+    }
+
+    fn identity(&self) -> Option<(&'static str, &str)> {
+        Some((self.model.driver_name, self.address))
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         let mode = self.mode_table().ok_or(Errno::ENXIO)?;
         match attribute {
-            "address" => line(out, self.address),
             "bin_data" => out.extend_from_slice(self.frame()),
             "bin_data_format" => line(out, mode.format),
             "commands" | "fw_version" => line(out, ""),
             "decimals" => line(out, mode.decimals),
-            "driver_name" => line(out, self.model.driver_name),
             "mode" => line(out, mode.name),
             "modes" => list(out, self.model.modes.iter().map(|mode| mode.name)),
             "num_values" => line(out, mode.values),
@@ -399,9 +374,5 @@ impl Driver for Sensor {
             // `command`: no EV3 sensor has any.
             _ => Err(Errno::EINVAL),
         }
-    }
-
-    fn uevent(&self, out: &mut Vec<u8>) {
-        lego_uevent(out, self.model.driver_name, self.address);
     }
 }

@@ -4,26 +4,11 @@
 
 use nix::errno::Errno;
 
-use super::text::{int_in, known, scan_signed, scan_unsigned};
-use super::{
-    Context, Driver, Spec, Took, lego_uevent, line, list, readable, readwriteable, writeable,
-};
-use crate::ev3dev::{Polarity, ServoCommand};
+use super::text::{int, known, scan_signed, scan_unsigned, within};
+use super::{Attributes, Context, Driver, Took, line, list};
+use crate::ev3dev::{self, Polarity, ServoCommand};
 
 const DRIVER_NAME: &str = "servo-motor";
-
-const ATTRIBUTES: &[Spec] = &[
-    readable("address"),
-    writeable("command"),
-    readable("driver_name"),
-    readwriteable("max_pulse_sp"),
-    readwriteable("mid_pulse_sp"),
-    readwriteable("min_pulse_sp"),
-    readwriteable("polarity"),
-    readwriteable("position_sp"),
-    readwriteable("rate_sp"),
-    readable("state"),
-];
 
 /// One output of a servo controller.
 #[derive(Debug)]
@@ -63,14 +48,16 @@ impl ServoMotor {
 }
 
 impl Driver for ServoMotor {
-    fn attributes(&self) -> &'static [Spec] {
-        ATTRIBUTES
+    fn attributes(&self) -> Attributes {
+        [ev3dev::ServoMotor::ATTRIBUTES, &[]]
+    }
+
+    fn identity(&self) -> Option<(&'static str, &str)> {
+        Some((DRIVER_NAME, &self.address))
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         match attribute {
-            "address" => line(out, &self.address),
-            "driver_name" => line(out, DRIVER_NAME),
             "min_pulse_sp" => line(out, self.min_pulse_us),
             "mid_pulse_sp" => line(out, self.mid_pulse_us),
             "max_pulse_sp" => line(out, self.max_pulse_us),
@@ -86,23 +73,14 @@ impl Driver for ServoMotor {
     fn store(&mut self, attribute: &str, bytes: &[u8], _context: &mut Context<'_>) -> Took {
         match attribute {
             "command" => self.runs = known::<ServoCommand>(bytes)? == ServoCommand::Run,
-            "min_pulse_sp" => self.min_pulse_us = scan_in(bytes, 0, 1000)?,
-            "mid_pulse_sp" => self.mid_pulse_us = scan_in(bytes, 1000, 2000)?,
-            "max_pulse_sp" => self.max_pulse_us = scan_in(bytes, 2000, 3000)?,
+            "min_pulse_sp" => self.min_pulse_us = within(scan_signed(bytes)?, 0..=1000)?,
+            "mid_pulse_sp" => self.mid_pulse_us = within(scan_signed(bytes)?, 1000..=2000)?,
+            "max_pulse_sp" => self.max_pulse_us = within(scan_signed(bytes)?, 2000..=3000)?,
             "polarity" => self.inversed = known::<Polarity>(bytes)? == Polarity::Inversed,
-            "position_sp" => self.position_pct = int_in(bytes, -100, 100)?,
+            "position_sp" => self.position_pct = within(int(bytes)?, -100..=100)?,
             "rate_sp" => *self.rate_ms.as_mut().ok_or(Errno::EOPNOTSUPP)? = scan_unsigned(bytes)?,
             _ => return Err(Errno::EIO),
         }
         Ok(None)
     }
-
-    fn uevent(&self, out: &mut Vec<u8>) {
-        lego_uevent(out, DRIVER_NAME, &self.address);
-    }
-}
-
-fn scan_in(bytes: &[u8], least: i32, most: i32) -> Result<i32, Errno> {
-    let value = scan_signed(bytes)?;
-    if (least..=most).contains(&value) { Ok(value) } else { Err(Errno::EINVAL) }
 }

@@ -23,9 +23,11 @@ use self::models::{COUNT_PER_M, COUNT_PER_ROT};
 pub(crate) use self::models::{MODELS, Model};
 use self::motor::{Motor, Ticked};
 use super::jiffies::{JIFFY_NS, due_ns, from_ms, jiffies};
-use super::text::{int, int_in, known, word};
-use super::{Context, Driver, Spec, Took, lego_uevent, line, list, wrap};
-use crate::ev3dev::{Polarity, StopAction, TachoCommand as Command};
+use super::text::{int, known, within, word};
+use super::{Attributes, Context, Driver, Took, line, list, wrap};
+use crate::ev3dev::{
+    self, Linear, MotorKind as _, Polarity, Rotary, StopAction, TachoCommand as Command,
+};
 use crate::sim::board::MotorDriver;
 use crate::sim::physics::Bridge;
 
@@ -352,14 +354,17 @@ impl TachoMotor {
 }
 
 impl Driver for TachoMotor {
-    fn attributes(&self) -> &'static [Spec] {
-        self.model.attributes
+    fn attributes(&self) -> Attributes {
+        let own = if self.is_linear() { Linear::OWN_ATTRIBUTES } else { Rotary::OWN_ATTRIBUTES };
+        [ev3dev::TachoMotor::ATTRIBUTES, own]
+    }
+
+    fn identity(&self) -> Option<(&'static str, &str)> {
+        Some((self.model.driver_name, self.address))
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         match attribute {
-            "address" => line(out, self.address),
-            "driver_name" => line(out, self.model.driver_name),
             "commands" => list(out, self.commands()),
             "stop_actions" => list(out, self.stop_actions()),
             "stop_action" => line(out, self.set.stop_action),
@@ -416,24 +421,20 @@ impl Driver for TachoMotor {
                 self.set.speed = self.signed(speed);
             }
             "duty_cycle_sp" => {
-                self.set.duty = self.signed(int_in(bytes, -100, 100)?);
+                self.set.duty = self.signed(within(int(bytes)?, -100..=100)?);
                 if self.active_command == Command::RunDirect {
                     self.motor.run_direct(self.set.duty);
                 }
             }
-            "time_sp" => self.set.time_ms = int_in(bytes, 0, i32::MAX)?,
-            "ramp_up_sp" => self.set.ramp_up_ms = int_in(bytes, 0, 60_000)?,
-            "ramp_down_sp" => self.set.ramp_down_ms = int_in(bytes, 0, 60_000)?,
+            "time_sp" => self.set.time_ms = within(int(bytes)?, 0..=i32::MAX)?,
+            "ramp_up_sp" => self.set.ramp_up_ms = within(int(bytes)?, 0..=60_000)?,
+            "ramp_down_sp" => self.set.ramp_down_ms = within(int(bytes)?, 0..=60_000)?,
             _ if self.is_unsupported(attribute) => return Err(Errno::EOPNOTSUPP),
             _ => {
-                let value = int_in(bytes, 0, i32::MAX)?;
+                let value = within(int(bytes)?, 0..=i32::MAX)?;
                 *self.gain(attribute).ok_or(Errno::EIO)? = value;
             }
         }
         Ok(None)
-    }
-
-    fn uevent(&self, out: &mut Vec<u8>) {
-        lego_uevent(out, self.model.driver_name, self.address);
     }
 }

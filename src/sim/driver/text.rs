@@ -3,6 +3,7 @@
 //! All functions take the bytes of one `write`, whole. They answer with the kernel's own error
 //! numbers.
 
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use nix::errno::Errno;
@@ -83,14 +84,13 @@ fn magnitude(text: &[u8]) -> Result<u64, Errno> {
     }
 }
 
-/// An integer within bounds, by the rules of [`int`].
+/// A number that was read, within bounds.
 ///
 /// # Errors
 ///
-/// Those of [`int`], and EINVAL outside the bounds.
-pub(crate) fn int_in(bytes: &[u8], least: i32, most: i32) -> Result<i32, Errno> {
-    let value = int(bytes)?;
-    if (least..=most).contains(&value) { Ok(value) } else { Err(Errno::EINVAL) }
+/// EINVAL outside them.
+pub(crate) fn within<N: PartialOrd>(number: N, bounds: RangeInclusive<N>) -> Result<N, Errno> {
+    if bounds.contains(&number) { Ok(number) } else { Err(Errno::EINVAL) }
 }
 
 /// An unsigned integer as `sscanf("%u")` takes it: leading blanks and trailing garbage do not

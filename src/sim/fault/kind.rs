@@ -86,36 +86,44 @@ pub enum DeviceFault {
     },
 }
 
+/// The word of each fault but `write`, and the fault with the numbers that its word alone means.
+pub(super) static USUAL: [(&str, DeviceFault); 18] = [
+    ("unplug", DeviceFault::Unplug),
+    ("plug", DeviceFault::Plug),
+    ("off", DeviceFault::Off),
+    ("stuck", DeviceFault::Stuck),
+    ("garbage", DeviceFault::Garbage),
+    ("garbage text", DeviceFault::GarbageText),
+    ("wrong", DeviceFault::Wrong { scale: 1.25, offset: 0 }),
+    ("slow", DeviceFault::Slow { times: 10 }),
+    ("delayed", DeviceFault::Delayed { delay_ns: 200 * MILLISECOND_NS }),
+    ("intermittent", DeviceFault::Intermittent { share: 0.3 }),
+    ("jump", DeviceFault::Jump { by: 90 }),
+    ("enxio", DeviceFault::Enxio),
+    ("eio", DeviceFault::Eio),
+    ("denied", DeviceFault::Denied),
+    ("block", DeviceFault::Block),
+    ("endless", DeviceFault::Endless),
+    ("resync", DeviceFault::Resync),
+    ("stale", DeviceFault::Stale { for_ns: 2 * SECOND_NS }),
+];
+
 impl DeviceFault {
     /// The words that a fault's text can begin with.
-    pub const WORDS: [&'static str; 19] = [
-        "unplug",
-        "plug",
-        "off",
-        "stuck",
-        "garbage",
-        "wrong",
-        "slow",
-        "delayed",
-        "intermittent",
-        "jump",
-        "enxio",
-        "eio",
-        "denied",
-        "block",
-        "endless",
-        "resync",
-        "stale",
-        "write",
-        "reset",
-    ];
+    pub fn words() -> impl Iterator<Item = &'static str> + Clone {
+        let words = USUAL.iter().map(|(word, _)| *word).filter(|word| !word.contains(' '));
+        words.chain(["write", "reset"])
+    }
+
+    /// `reset`: another program's.
+    pub(super) fn reset() -> Self {
+        Self::Write { attribute: "command".to_owned(), value: "reset".to_owned() }
+    }
 
     /// Each fault once, with the numbers that a text without numbers means.
     #[must_use]
     pub fn examples() -> Vec<Self> {
-        let texts =
-            Self::WORDS.iter().copied().filter(|word| *word != "write").chain(["garbage text"]);
-        texts.filter_map(|text| Self::parse(text).ok()).collect()
+        USUAL.iter().map(|(_, fault)| fault.clone()).chain([Self::reset()]).collect()
     }
 
     /// True where the fault is over as soon as it is done.
@@ -161,29 +169,19 @@ impl DeviceFault {
 impl fmt::Display for DeviceFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let milliseconds = |ns: i64| seconds(ns.saturating_mul(SECOND_NS / MILLISECOND_NS));
+        let word =
+            USUAL.iter().find(|(_, usual)| usual.replaces(self)).map_or("write", |(word, _)| word);
         match self {
-            Self::Unplug => f.write_str("unplug"),
-            Self::Plug => f.write_str("plug"),
-            Self::Off => f.write_str("off"),
-            Self::Stuck => f.write_str("stuck"),
-            Self::Garbage => f.write_str("garbage"),
-            Self::GarbageText => f.write_str("garbage text"),
-            Self::Wrong { scale, offset } => write!(f, "wrong {scale} {offset}"),
-            Self::Slow { times } => write!(f, "slow {times}"),
-            Self::Delayed { delay_ns } => write!(f, "delayed {}", milliseconds(*delay_ns)),
-            Self::Intermittent { share } => write!(f, "intermittent {share}"),
-            Self::Jump { by } => write!(f, "jump {by}"),
-            Self::Enxio => f.write_str("enxio"),
-            Self::Eio => f.write_str("eio"),
-            Self::Denied => f.write_str("denied"),
-            Self::Block => f.write_str("block"),
-            Self::Endless => f.write_str("endless"),
-            Self::Resync => f.write_str("resync"),
-            Self::Stale { for_ns } => write!(f, "stale {}", milliseconds(*for_ns)),
-            Self::Write { attribute, value } if attribute == "command" && value == "reset" => {
-                f.write_str("reset")
+            Self::Wrong { scale, offset } => write!(f, "{word} {scale} {offset}"),
+            Self::Slow { times } => write!(f, "{word} {times}"),
+            Self::Delayed { delay_ns: ns } | Self::Stale { for_ns: ns } => {
+                write!(f, "{word} {}", milliseconds(*ns))
             }
-            Self::Write { attribute, value } => write!(f, "write {attribute} {value}"),
+            Self::Intermittent { share } => write!(f, "{word} {share}"),
+            Self::Jump { by } => write!(f, "{word} {by}"),
+            _ if *self == Self::reset() => f.write_str("reset"),
+            Self::Write { attribute, value } => write!(f, "{word} {attribute} {value}"),
+            _ => f.write_str(word),
         }
     }
 }

@@ -63,21 +63,11 @@ impl Scenario {
 
 fn scenario(root: &Section<'_>) -> Option<Scenario> {
     root.allow(&["fault", "battery", "press"]);
-    let faults: Vec<_> = tables(root, "fault").iter().map(fault).collect();
-    let batteries: Vec<_> = tables(root, "battery").iter().map(battery).collect();
-    let presses: Vec<_> = tables(root, "press").iter().map(press).collect();
+    let faults: Vec<_> = root.tables("fault", MOST, "").iter().map(fault).collect();
+    let batteries: Vec<_> = root.tables("battery", MOST, "").iter().map(battery).collect();
+    let presses: Vec<_> = root.tables("press", MOST, "").iter().map(press).collect();
     let orders: Option<Vec<_>> = faults.into_iter().chain(batteries).chain(presses).collect();
     orders.map(Scenario::new)
-}
-
-fn tables<'d>(root: &Section<'d>, key: &str) -> Vec<Section<'d>> {
-    let Some(item) = root.get(key) else { return Vec::new() };
-    let list = item.list().unwrap_or_default();
-    if list.len() > MOST {
-        item.error_at_key(format!("there are {} of `{key}`; at most {MOST} are read", list.len()));
-        return Vec::new();
-    }
-    list.iter().filter_map(Item::section).collect()
 }
 
 fn fault(section: &Section<'_>) -> Option<(i64, Order)> {

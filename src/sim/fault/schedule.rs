@@ -94,15 +94,15 @@ impl Faults {
         bricks: &mut [Brick],
         physics: &mut dyn Physics,
     ) -> Result<(), FaultError> {
-        let Order { robot, act } = order;
+        let Order { robot, ref act } = *order;
         let robots = bricks.len();
-        let brick = bricks.get_mut(*robot).ok_or(FaultError::NoRobot { robot: *robot, robots })?;
+        let brick = bricks.get_mut(robot).ok_or(FaultError::NoRobot { robot, robots })?;
         match act {
             Act::Inject(port, fault, for_ns) => {
                 let until_ns = for_ns.map(|for_ns| now_ns.saturating_add(for_ns));
                 brick.inject(*port, fault, until_ns, now_ns)?;
                 if let (DeviceFault::Block, Some(out)) = (fault, port.output()) {
-                    physics.fail(*robot, Fault::BlockedMotor(out));
+                    physics.fail(robot, Fault::BlockedMotor(out));
                 }
             }
             Act::Clear(port) => {
@@ -110,56 +110,46 @@ impl Faults {
                     Port::ALL.into_iter().filter(|other| port.is_none_or(|port| port == *other));
                 for port in ports {
                     for fault in brick.clear(port) {
-                        restore(brick, *robot, port, &fault, now_ns, physics);
+                        restore(brick, robot, port, &fault, now_ns, physics);
                     }
                 }
                 if port.is_none() {
-                    self.let_go(now_ns, bricks, |held| held.robot == *robot);
-                    self.ramps.retain(|ramp| ramp.robot != *robot);
-                    physics.fail(*robot, Fault::OwnBattery);
+                    self.let_go(now_ns, bricks, |held| held.robot == robot);
+                    self.ramps.retain(|ramp| ramp.robot != robot);
+                    physics.fail(robot, Fault::OwnBattery);
                 }
             }
-            Act::Battery { from_v, to_v, over_ns } => {
-                self.ramps.retain(|ramp| ramp.robot != *robot);
-                let ramp = Ramp {
-                    robot: *robot,
-                    from_v: *from_v,
-                    to_v: *to_v,
-                    start_ns: now_ns,
-                    over_ns: *over_ns,
-                };
-                physics.fail(*robot, Fault::BatteryV(ramp.volts(now_ns)));
+            &Act::Battery { from_v, to_v, over_ns } => {
+                let ramp = Ramp { robot, from_v, to_v, start_ns: now_ns, over_ns };
+                physics.fail(robot, Fault::BatteryV(ramp.volts(now_ns)));
+                self.ramps.retain(|ramp| ramp.robot != robot);
                 self.ramps.push(ramp);
             }
-            Act::Press(button, for_ns) => {
-                self.held.retain(|held| (held.robot, held.button) != (*robot, *button));
-                let until_ns = now_ns.saturating_add(*for_ns);
-                self.held.push(Held { robot: *robot, button: *button, until_ns });
-                brick.buttons.set(*button, true, now_ns);
+            &Act::Press(button, for_ns) => {
+                let until_ns = now_ns.saturating_add(for_ns);
+                self.held.retain(|held| (held.robot, held.button) != (robot, button));
+                self.held.push(Held { robot, button, until_ns });
+                brick.buttons.set(button, true, now_ns);
             }
-            Act::Release(button) => {
-                self.held.retain(|held| (held.robot, held.button) != (*robot, *button));
-                brick.buttons.set(*button, false, now_ns);
+            &Act::Release(button) => {
+                self.held.retain(|held| (held.robot, held.button) != (robot, button));
+                brick.buttons.set(button, false, now_ns);
             }
-            Act::Tone(hz) => {
-                brick.speaker.tone(*hz, now_ns);
+            &Act::Tone(hz) => {
+                brick.speaker.tone(hz, now_ns);
                 // A melody would be all that is left of the record.
                 return Ok(());
             }
-            Act::Say(_) => {}
-            Act::Place { x_m, y_m, heading_deg } => {
-                if !physics.place(*robot, Some([*x_m, *y_m, radians(*heading_deg)])) {
-                    return Err(FaultError::NoRoom { x_m: *x_m, y_m: *y_m });
+            &Act::Place { x_m, y_m, heading_deg } => {
+                if !physics.place(robot, Some([x_m, y_m, radians(heading_deg)])) {
+                    return Err(FaultError::NoRoom { x_m, y_m });
                 }
             }
-            Act::Reset => {
-                // Where it started, something may stand by now: another robot.
-                if !physics.place(*robot, None) {
-                    return Err(FaultError::Taken);
-                }
-            }
+            // Where it started, something may stand by now: another robot.
+            Act::Reset if !physics.place(robot, None) => return Err(FaultError::Taken),
+            Act::Reset | Act::Say(_) => {}
         }
-        self.note(now_ns, *robot, act.to_string());
+        self.note(now_ns, robot, act.to_string());
         Ok(())
     }
 

@@ -15,11 +15,13 @@
 
 use std::fmt;
 use std::ops::RangeInclusive;
+use std::str::FromStr;
 
+use super::kind::USUAL;
 use super::{Button, DeviceFault, Port};
 use crate::clock::{nanoseconds, seconds};
 use crate::document::nearest_or_all;
-use crate::printable::{self, Layout, is_printable};
+use crate::printable::{self, Layout};
 use crate::units::rounded;
 
 /// The longest time that an order can name, seconds: a day.
@@ -166,7 +168,7 @@ impl Order {
         if let ["robot", number, rest @ ..] = words {
             let robot = number.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
             let robot = robot.ok_or_else(|| {
-                OrderError::new(format!("`robot {}` is no robot", shown(number)))
+                OrderError::new(format!("`robot {}` is no robot", printable::name(number)))
                     .hint("robots count from 1")
             })?;
             return Ok(Self { robot, act: act(rest)? });
@@ -193,12 +195,14 @@ fn act(words: &[&str]) -> Result<Act, OrderError> {
             y_m: number(y, PLACE_M)?,
             heading_deg: number(heading, HEADING_DEG)?,
         }),
-        ["release" | "tone" | "say" | "place", ..] => {
-            Err(OrderError::new(format!("`{}` does not say it all", shown(&words.join(" ")))).hint(
-                "`release enter`, `tone 440`, `say WORDS`, or `place 0.5 -0.2 90`: metres, metres \
+        ["release" | "tone" | "say" | "place", ..] => Err(OrderError::new(format!(
+            "`{}` does not say it all",
+            printable::name(&words.join(" "))
+        ))
+        .hint(
+            "`release enter`, `tone 440`, `say WORDS`, or `place 0.5 -0.2 90`: metres, metres \
                  and degrees",
-            ))
-        }
+        )),
         [name, "clear"] => Ok(Act::Clear(Some(port(name)?))),
         [name, rest @ ..] => {
             let port = port(name)?;
@@ -217,7 +221,7 @@ fn act(words: &[&str]) -> Result<Act, OrderError> {
 /// A port by its name.
 pub(super) fn port(name: &str) -> Result<Port, OrderError> {
     Port::named(name).ok_or_else(|| {
-        OrderError::new(format!("there is no port `{}`", shown(name))).hint(
+        OrderError::new(format!("there is no port `{}`", printable::name(name))).hint(
             "there are in1 to in4, outA to outD, and for the whole robot `battery`, `clear`, \
              `press`, `release`, `place` and `reset`",
         )
@@ -228,7 +232,7 @@ pub(super) fn port(name: &str) -> Result<Port, OrderError> {
 pub(super) fn button(name: &str) -> Result<Button, OrderError> {
     name.parse().map_err(|_| {
         let near = nearest_or_all(name, "there are", Button::WORDS.iter().copied());
-        OrderError::new(format!("there is no button `{}`", shown(name))).hint(near)
+        OrderError::new(format!("there is no button `{}`", printable::name(name))).hint(near)
     })
 }
 
@@ -267,28 +271,21 @@ fn battery(words: &[&str]) -> Result<Act, OrderError> {
 }
 
 fn number(text: &str, range: RangeInclusive<f64>) -> Result<f64, OrderError> {
-    let number: f64 =
-        text.parse().map_err(|_| OrderError::new(format!("`{}` is not a number", shown(text))))?;
+    within(text, range, "a number")
+}
+
+fn within<N: FromStr + PartialOrd + fmt::Display>(
+    text: &str,
+    range: RangeInclusive<N>,
+    what: &str,
+) -> Result<N, OrderError> {
+    let shown = printable::name(text);
+    let number = text.parse().map_err(|_| OrderError::new(format!("`{shown}` is not {what}")))?;
     if range.contains(&number) {
         return Ok(number);
     }
-    Err(OrderError::new(format!(
-        "{} is out of range; it can be {} to {}",
-        shown(text),
-        range.start(),
-        range.end()
-    )))
-}
-
-/// The beginning of what a person wrote, for a message.
-fn shown(text: &str) -> String {
-    let start: String =
-        text.chars().take(40).map(|c| if is_printable(c) { c } else { '?' }).collect();
-    if start.len() < text.len() && text.chars().count() > 40 {
-        format!("{start}…")
-    } else {
-        start
-    }
+    let (least, most) = range.into_inner();
+    Err(OrderError::new(format!("{shown} is out of range; it can be {least} to {most}")))
 }
 
 impl DeviceFault {
@@ -303,8 +300,9 @@ impl DeviceFault {
 
     pub(super) fn from_words(words: &[&str]) -> Result<Self, OrderError> {
         let Some((word, arguments)) = words.split_first() else {
+            let words: Vec<&str> = Self::words().collect();
             return Err(OrderError::new("no fault is named")
-                .hint(format!("there are {}", Self::WORDS.join(", "))));
+                .hint(format!("there are {}", words.join(", "))));
         };
         match (*word, arguments) {
             ("garbage", ["text"]) => return Ok(Self::GarbageText),
@@ -317,40 +315,34 @@ impl DeviceFault {
             ("write", _) => return Err(OrderError::new("`write` takes an attribute and a value")),
             _ => {}
         }
+        let usual = USUAL.iter().find(|(usual, _)| usual == word).map(|(_, fault)| fault.clone());
+        let Some(mut fault) = usual.or_else(|| (*word == "reset").then(Self::reset)) else {
+            let message = format!("there is no fault `{}`", printable::name(word));
+            let near = nearest_or_all(word, "there are", Self::words());
+            return Err(OrderError::new(message).hint(near));
+        };
         let mut numbers = Numbers { word, rest: arguments };
-        let fault = Self::with_numbers(word, &mut numbers)?;
+        fault.take(&mut numbers)?;
         numbers.end(fault)
     }
 
-    fn with_numbers(word: &str, numbers: &mut Numbers<'_>) -> Result<Self, OrderError> {
-        Ok(match word {
-            "unplug" => Self::Unplug,
-            "plug" => Self::Plug,
-            "off" => Self::Off,
-            "stuck" => Self::Stuck,
-            "garbage" => Self::Garbage,
-            "wrong" => Self::Wrong {
-                scale: numbers.next(1.25, -100.0..=100.0)?,
-                offset: numbers.whole(0, 1_000_000)?,
-            },
-            "slow" => Self::Slow { times: numbers.whole(10, 100_000)?.max(1).unsigned_abs() },
-            "delayed" => Self::Delayed { delay_ns: numbers.milliseconds(200.0, 10_000.0)? },
-            "intermittent" => Self::Intermittent { share: numbers.next(0.3, 0.01..=0.99)? },
-            "jump" => Self::Jump { by: numbers.whole(90, 1_000_000)? },
-            "enxio" => Self::Enxio,
-            "eio" => Self::Eio,
-            "denied" => Self::Denied,
-            "block" => Self::Block,
-            "endless" => Self::Endless,
-            "resync" => Self::Resync,
-            "stale" => Self::Stale { for_ns: numbers.milliseconds(2000.0, 60_000.0)? },
-            "reset" => Self::Write { attribute: "command".to_owned(), value: "reset".to_owned() },
-            _ => {
-                let near = nearest_or_all(word, "there are", Self::WORDS.into_iter());
-                let message = format!("there is no fault `{}`", shown(word));
-                return Err(OrderError::new(message).hint(near));
+    /// Takes the numbers that a text has in place of the usual ones.
+    fn take(&mut self, numbers: &mut Numbers<'_>) -> Result<(), OrderError> {
+        match self {
+            Self::Wrong { scale, offset } => {
+                *scale = numbers.next(*scale, -100.0..=100.0)?;
+                *offset = numbers.whole(*offset, -1_000_000..=1_000_000)?;
             }
-        })
+            Self::Slow { times } => {
+                *times = numbers.whole(times.cast_signed(), 1..=100_000)?.unsigned_abs();
+            }
+            Self::Delayed { delay_ns } => *delay_ns = numbers.milliseconds(*delay_ns, 10_000.0)?,
+            Self::Intermittent { share } => *share = numbers.next(*share, 0.01..=0.99)?,
+            Self::Jump { by } => *by = numbers.whole(*by, -1_000_000..=1_000_000)?,
+            Self::Stale { for_ns } => *for_ns = numbers.milliseconds(*for_ns, 60_000.0)?,
+            _ => {}
+        }
+        Ok(())
     }
 }
 
@@ -360,30 +352,24 @@ struct Numbers<'w> {
     rest: &'w [&'w str],
 }
 
-impl Numbers<'_> {
-    fn next(&mut self, default: f64, range: RangeInclusive<f64>) -> Result<f64, OrderError> {
-        let Some((first, rest)) = self.rest.split_first() else { return Ok(default) };
+impl<'w> Numbers<'w> {
+    fn pop(&mut self) -> Option<&'w str> {
+        let (first, rest) = self.rest.split_first()?;
         self.rest = rest;
-        number(first, range)
+        Some(first)
     }
 
-    fn milliseconds(&mut self, default: f64, most: f64) -> Result<i64, OrderError> {
-        Ok(nanoseconds(self.next(default, 0.0..=most)? / 1e3))
+    fn next(&mut self, usual: f64, range: RangeInclusive<f64>) -> Result<f64, OrderError> {
+        self.pop().map_or(Ok(usual), |text| number(text, range))
     }
 
-    fn whole(&mut self, default: i32, most: i32) -> Result<i32, OrderError> {
-        let Some((first, rest)) = self.rest.split_first() else { return Ok(default) };
-        self.rest = rest;
-        let whole: i32 = first
-            .parse()
-            .map_err(|_| OrderError::new(format!("`{}` is not a whole number", shown(first))))?;
-        if whole.unsigned_abs() <= most.unsigned_abs() {
-            return Ok(whole);
-        }
-        Err(OrderError::new(format!(
-            "{} is out of range; it can be -{most} to {most}",
-            shown(first)
-        )))
+    fn milliseconds(&mut self, usual_ns: i64, most: f64) -> Result<i64, OrderError> {
+        let text = self.pop();
+        text.map_or(Ok(usual_ns), |text| Ok(nanoseconds(number(text, 0.0..=most)? / 1e3)))
+    }
+
+    fn whole(&mut self, usual: i32, range: RangeInclusive<i32>) -> Result<i32, OrderError> {
+        self.pop().map_or(Ok(usual), |text| within(text, range, "a whole number"))
     }
 
     fn end(self, fault: DeviceFault) -> Result<DeviceFault, OrderError> {
@@ -391,7 +377,7 @@ impl Numbers<'_> {
             None => Ok(fault),
             Some(word) => Err(OrderError::new(format!(
                 "`{}` does not belong to `{}`",
-                shown(word),
+                printable::name(word),
                 self.word
             ))),
         }

@@ -8,10 +8,10 @@ use nix::errno::Errno;
 
 use super::LOOK_NS;
 use super::told::{self, Tells};
-use crate::ev3dev::{Access, AttributeFile, Button};
+use crate::ev3dev::{Access, AttributeFile, AttributeSpec, Button, Direction, Legal};
 use crate::sim::brick::Brick;
+use crate::sim::driver::Wait;
 use crate::sim::driver::input::{EventLayout, Events};
-use crate::sim::driver::{Spec, TEXT_SIZE, Wait};
 use crate::sim::physics::STEP_NS;
 use crate::sim::simulation::Simulation;
 
@@ -30,7 +30,7 @@ pub(crate) enum Kind {
     /// An attribute of a device.
     Attribute {
         id: u32,
-        spec: Spec,
+        spec: &'static AttributeSpec,
         /// As the journal names it: by class.
         path: String,
         /// What the count of notices was at the last read; none before the first.
@@ -269,7 +269,7 @@ impl SimFile {
     /// be read.
     fn is_text(&self) -> bool {
         match &self.kind {
-            Kind::Attribute { spec, .. } => spec.size == TEXT_SIZE,
+            Kind::Attribute { spec, .. } => spec.legal != Legal::Bytes,
             Kind::Told(_) => true,
             Kind::Events { .. } | Kind::Screen => false,
         }
@@ -295,8 +295,8 @@ fn attribute(brick: &Brick, path: &str, access: Access, now_ns: i64) -> Result<K
     let spec = brick.attribute(id, attribute).ok_or(Errno::ENOENT)?;
     let reads = access != Access::Write;
     let writes = access != Access::Read;
-    if (reads && spec.permissions & 0o444 == 0)
-        || (writes && (spec.permissions & 0o222 == 0 || brick.is_denied(id, now_ns)))
+    if (reads && spec.direction == Direction::Writeable)
+        || (writes && (spec.direction == Direction::Readable || brick.is_denied(id, now_ns)))
     {
         return Err(Errno::EACCES);
     }

@@ -3,6 +3,7 @@
 //! They say how long their answer may be, and so cross FUSE. EVIOCGRAB does not: its argument is a
 //! number where FUSE expects an address.
 
+use evdev::{EventType, SoundCode};
 use nix::errno::Errno;
 
 use crate::ev3dev::Button;
@@ -13,12 +14,6 @@ const TYPE: u32 = b'E' as u32;
 
 /// `EV_VERSION` of the protocol.
 const VERSION: i32 = 0x01_00_01;
-
-// Event types, and the sounds a speaker knows.
-const EV_SYN: u16 = 0;
-const EV_KEY: u16 = 1;
-const EV_SND: u16 = 0x12;
-const SOUNDS: [u16; 2] = [1, 2];
 
 /// Bytes in a set of keys: codes to 0x2ff.
 const KEY_BYTES: usize = 96;
@@ -80,17 +75,21 @@ fn pressed(file: &SimFile, device: Device) -> Vec<u16> {
 
 /// The types of events that a device has, or the codes of one type.
 fn known(device: Device, kind: u32) -> Vec<u8> {
-    let kinds = match device {
-        Device::Buttons => [EV_SYN, EV_KEY],
-        Device::Speaker => [EV_SYN, EV_SND],
+    let own = match device {
+        Device::Buttons => EventType::KEY,
+        Device::Speaker => EventType::SOUND,
     };
-    match (device, u16::try_from(kind)) {
-        (_, Ok(EV_SYN)) => set(&kinds, SMALL_BYTES),
-        (Device::Buttons, Ok(EV_KEY)) => {
+    match (device, u16::try_from(kind).map(EventType)) {
+        (_, Ok(EventType::SYNCHRONIZATION)) => {
+            set(&[EventType::SYNCHRONIZATION.0, own.0], SMALL_BYTES)
+        }
+        (Device::Buttons, Ok(EventType::KEY)) => {
             let keys: Vec<u16> = Button::ALL.iter().map(|button| button.code()).collect();
             set(&keys, KEY_BYTES)
         }
-        (Device::Speaker, Ok(EV_SND)) => set(&SOUNDS, SMALL_BYTES),
+        (Device::Speaker, Ok(EventType::SOUND)) => {
+            set(&[SoundCode::SND_BELL, SoundCode::SND_TONE].map(|code| code.0), SMALL_BYTES)
+        }
         _ => set(&[], SMALL_BYTES),
     }
 }

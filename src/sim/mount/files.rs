@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 use fuser::{FileAttr, FileType, FopenFlags, INodeNo, OpenAccMode, OpenFlags};
@@ -17,6 +17,7 @@ use crate::ev3dev::Access;
 use crate::sim::driver::input::EventLayout;
 use crate::sim::files::Kind;
 use crate::sim::{Entry, EntryKind, SimBrick};
+use crate::threads::lock;
 
 /// The kernel need not ask again for folders that are always there.
 const LASTING: Duration = Duration::from_secs(3600);
@@ -49,7 +50,7 @@ impl Files {
 
     /// The numbers that the kernel knows.
     pub(super) fn nodes(&self) -> MutexGuard<'_, Nodes> {
-        self.nodes.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.nodes)
     }
 
     /// The place with a number.
@@ -82,7 +83,7 @@ impl Files {
     }
 
     fn rights(&self) -> MutexGuard<'_, BTreeMap<NodePath, u32>> {
-        self.rights.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.rights)
     }
 
     /// The place of an entry of a folder.

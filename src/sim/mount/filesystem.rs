@@ -15,6 +15,7 @@ use super::files::{Files, refusal};
 use super::handle::{Handle, Read};
 use crate::clock::WallTime;
 use crate::sim::files::Write;
+use crate::threads;
 
 /// Questions that always have the same answer, each with the types of what it brings.
 macro_rules! always {
@@ -139,9 +140,7 @@ impl Filesystem for Files {
             Ok(Write::Waits(waiting)) => {
                 // At most one writer waits for a sensor: the next one is refused with EBUSY.
                 // Without a thread the reply is dropped: EIO.
-                let _ = std::thread::Builder::new()
-                    .name("sim-write".to_owned())
-                    .spawn(move || written(waiting.finish(), reply));
+                let _ = threads::spawn("sim-write", move || written(waiting.finish(), reply));
             }
             Err(errno) => written(Err(errno), reply),
         }

@@ -2,11 +2,12 @@
 //! for.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 use nix::errno::Errno;
 
 use super::handle::Handle;
+use crate::threads::lock;
 
 /// All open files and folders of a mount.
 #[derive(Debug, Default)]
@@ -69,6 +70,6 @@ impl Open {
     }
 
     fn table(&self) -> MutexGuard<'_, Table> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.0)
     }
 }

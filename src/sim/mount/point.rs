@@ -87,26 +87,25 @@ impl MountError {
     /// The way out.
     #[must_use]
     pub fn hint(&self) -> String {
-        match self {
+        let hint = match self {
             Self::Unfit { point, why: Unfit::Busy(_) | Unfit::Stale } => {
-                format!("another folder, or: umount {}", point.display())
+                return format!("another folder, or: umount {}", point.display());
             }
-            Self::Unfit { .. } => "an empty folder of your own".to_owned(),
+            Self::Unfit { .. } => "an empty folder of your own",
             Self::NoFuse(Remedy::NoDevice) => {
                 "modprobe fuse, as root; in a container: docker run --device /dev/fuse --cap-add \
                  SYS_ADMIN"
-                    .to_owned()
             }
             Self::NoFuse(Remedy::Forbidden) => {
-                "ls -l /dev/fuse: your user needs to read and write it".to_owned()
+                "ls -l /dev/fuse: your user needs to read and write it"
             }
-            Self::NoFuse(Remedy::NoHelper) => "apt install fuse3, or run this as root".to_owned(),
+            Self::NoFuse(Remedy::NoHelper) => "apt install fuse3, or run this as root",
             Self::Failed { .. } => {
                 "mounting as root; in a container with: --cap-add SYS_ADMIN --security-opt \
                  apparmor=unconfined"
-                    .to_owned()
             }
-        }
+        };
+        hint.to_owned()
     }
 }
 

@@ -4,12 +4,13 @@
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::{Builder, JoinHandle};
+use std::thread::JoinHandle;
 
 use super::open::Open;
 use crate::clock::{Clock, MonotonicClock};
 use crate::sim::Simulation;
 use crate::sim::files::LOOK_NS;
+use crate::threads;
 
 /// A waiting reader is checked for an interrupt once in this many ticks.
 const INTERRUPT_TICKS: u32 = 5;
@@ -20,7 +21,7 @@ pub(super) fn spawn(
     open: Arc<Open>,
     stop: Arc<AtomicBool>,
 ) -> io::Result<JoinHandle<()>> {
-    Builder::new().name("sim-ticker".to_owned()).spawn(move || run(&simulation, &open, &stop))
+    threads::spawn("sim-ticker", move || run(&simulation, &open, &stop))
 }
 
 fn run(simulation: &Simulation, open: &Open, stop: &AtomicBool) {

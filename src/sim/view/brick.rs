@@ -2,7 +2,7 @@
 
 use super::{DeviceView, Light};
 use crate::ev3dev::{Hue, Lamp, PortAddress};
-use crate::printable::is_printable;
+use crate::printable;
 use crate::senses;
 use crate::sim::brick::{Brick, Class};
 
@@ -101,11 +101,10 @@ fn speed(number: i32, class: Class, read: impl Fn(&str) -> String) -> String {
     }
 }
 
-/// A text that may be garbage, as it can be shown: its first line, the beginning of it.
+/// A text that may be garbage, as it can be shown: the beginning of its first line.
 fn shown(text: &[u8]) -> String {
     let line = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
-    let text = String::from_utf8_lossy(line);
-    text.chars().take(40).map(|c| if is_printable(c) { c } else { '\u{fffd}' }).collect()
+    printable::name(&String::from_utf8_lossy(line)).into_owned()
 }
 
 /// For a range sensor: what it says in metres, with nothing for no echo and for no answer.

@@ -7,18 +7,17 @@
 use super::geometry::{Point, contains, distance_to_polyline};
 use crate::ev3dev::Colour;
 
-/// Colours as a world's file calls them, with what paper of them reflects of red, green and blue
-/// light, in percent. `none` is grey. Red light makes `COL-REFLECT`: black tape 5 to 10, white
-/// paper 60 to 90 (interfaces 15.3).
-const COLOURS: [(&str, Colour, [f64; 3]); 8] = [
-    ("none", Colour::None, [35.0, 35.0, 35.0]),
-    ("black", Colour::Black, [7.0, 7.0, 7.0]),
-    ("blue", Colour::Blue, [9.0, 18.0, 40.0]),
-    ("green", Colour::Green, [12.0, 32.0, 14.0]),
-    ("yellow", Colour::Yellow, [70.0, 55.0, 18.0]),
-    ("red", Colour::Red, [60.0, 10.0, 9.0]),
-    ("white", Colour::White, [75.0, 75.0, 75.0]),
-    ("brown", Colour::Brown, [25.0, 15.0, 11.0]),
+/// What paper of each colour reflects of red, green and blue light, in percent. `none` is grey. Red
+/// light makes `COL-REFLECT`: black tape 5 to 10, white paper 60 to 90 (interfaces 15.3).
+const REFLECTS_PCT: [(Colour, [f64; 3]); 8] = [
+    (Colour::None, [35.0, 35.0, 35.0]),
+    (Colour::Black, [7.0, 7.0, 7.0]),
+    (Colour::Blue, [9.0, 18.0, 40.0]),
+    (Colour::Green, [12.0, 32.0, 14.0]),
+    (Colour::Yellow, [70.0, 55.0, 18.0]),
+    (Colour::Red, [60.0, 10.0, 9.0]),
+    (Colour::White, [75.0, 75.0, 75.0]),
+    (Colour::Brown, [25.0, 15.0, 11.0]),
 ];
 
 /// One place of the floor.
@@ -35,13 +34,13 @@ impl Ground {
 
     /// The words for colours.
     pub(super) fn words() -> [(&'static str, Colour); 8] {
-        COLOURS.map(|(word, colour, _)| (word, colour))
+        REFLECTS_PCT.map(|(colour, _)| (colour.as_str(), colour))
     }
 
     /// A colour, or the same colour made lighter or darker so that its red is `reflect_pct`.
     pub(super) fn new(colour: Colour, reflect_pct: Option<f64>) -> Self {
-        let known = COLOURS.into_iter().find(|(_, known, _)| *known == colour);
-        let own = known.map_or([0.0; 3], |(_, _, reflects_pct)| reflects_pct);
+        let known = REFLECTS_PCT.into_iter().find(|(known, _)| *known == colour);
+        let own = known.map_or([0.0; 3], |(_, reflects_pct)| reflects_pct);
         let factor = reflect_pct.map_or(1.0, |pct| pct / own[0]);
         Self { colour, reflects_pct: own.map(|pct| (pct * factor).min(100.0)) }
     }

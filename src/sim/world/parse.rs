@@ -4,8 +4,6 @@
 //!
 //! The robot's own section: `robot`.
 
-use std::f64::consts::PI;
-
 use super::geometry::{Disc, Point, contains, rectangle};
 use super::robot::number;
 use super::{Beacon, Floor, Ground, Mark, RemotePress, RobotModel, StartPose, Surfaces, World};
@@ -69,20 +67,8 @@ pub(super) fn world(root: &Section<'_>) -> Option<World> {
 
 /// The tables of a list such as `[[wall]]`.
 fn things<'d>(root: &Section<'d>, key: &str) -> Vec<Section<'d>> {
-    let Some((item, list)) = root.get(key).and_then(|item| item.list().map(|list| (item, list)))
-    else {
-        return Vec::new();
-    };
-    if list.len() > World::MAX_THINGS {
-        item.error_at_key(format!(
-            "there are {} of `{key}`; at most {} are read",
-            list.len(),
-            World::MAX_THINGS
-        ))
-        .hint("draw a long wall as one `[[wall]]` with many points");
-        return Vec::new();
-    }
-    list.iter().filter_map(Item::section).collect()
+    let hint = "draw a long wall as one `[[wall]]` with many points";
+    root.tables(key, World::MAX_THINGS, hint)
 }
 
 fn flag(section: &Section<'_>, key: &str) -> bool {
@@ -198,7 +184,7 @@ fn starts(root: &Section<'_>, world: &mut World, rooms: &[Vec<Point>]) {
     }
     for section in sections {
         section.allow(&["at", "heading_deg"]);
-        let heading_rad = number(&section, "heading_deg", -360.0, 360.0, 0.0) * (PI / 180.0);
+        let heading_rad = radians(number(&section, "heading_deg", -360.0, 360.0, 0.0));
         let Some(place) = place(&section) else { continue };
         let start = StartPose { x_m: place.x, y_m: place.y, heading_rad };
         check_start(&section, world, rooms, start);

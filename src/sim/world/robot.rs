@@ -299,7 +299,7 @@ impl RobotModel {
             head: head(section, seed.head),
             head_ratio: section
                 .get("head_gear")
-                .and_then(|item| ratio(&item))
+                .and_then(|item| item.gear())
                 .unwrap_or(seed.head_ratio),
             range_ahead_m: read("range_ahead_m", -1.0, 1.0, seed.range_ahead_m),
             colour_at_m: section
@@ -348,16 +348,6 @@ fn own_echoes(section: &Section<'_>) -> Vec<OwnEcho> {
         })
     };
     list.iter().filter_map(own).collect()
-}
-
-fn ratio(item: &Item<'_>) -> Option<f64> {
-    let [motor, head] = item.numbers::<2>(-1000.0..=1000.0)?;
-    if motor.abs() < 1.0 || head.abs() < 1.0 {
-        item.error("a gear has at least one tooth".to_owned())
-            .hint("teeth on the motor, then on the head: [-12, 36]");
-        return None;
-    }
-    Some(motor / head)
 }
 
 fn colour_places(section: &Section<'_>, mut places: [[f64; 2]; 4]) -> [[f64; 2]; 4] {

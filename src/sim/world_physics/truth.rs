@@ -1,6 +1,8 @@
 //! How a simulated robot truly is.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
+
+use crate::threads::lock;
 
 /// How things truly are with one robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +36,6 @@ impl Observer {
     /// One robot's truth after the latest step; `None` where there is no such robot.
     #[must_use]
     pub fn truth(&self, robot: usize) -> Option<Truth> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(robot).copied()
+        lock(&self.0).get(robot).copied()
     }
 }

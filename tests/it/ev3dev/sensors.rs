@@ -78,7 +78,7 @@ fn colours_are_told_by_their_numbers() {
     sensor.set_mode(ColourMode::Colour).unwrap();
     for (number, colour) in (0..).zip(Colour::ALL) {
         value0(&fake, number);
-        assert_eq!(sensor.colour().unwrap(), colour);
+        assert_eq!(sensor.colour().unwrap(), *colour);
         assert_eq!(i32::from(colour.number()), number);
     }
     value0(&fake, 8);
@@ -225,7 +225,7 @@ fn infrared_proximity_and_remote() {
     );
     for (number, code) in (0..).zip(RemoteCode::ALL) {
         value0(&fake, number);
-        assert_eq!(sensor.remote().unwrap(), code);
+        assert_eq!(sensor.remote().unwrap(), *code);
         assert_eq!(i32::from(code.number()), number);
     }
     value0(&fake, 12);

@@ -330,7 +330,7 @@ fn a_pulled_device_comes_back_with_a_new_number_and_its_defaults() {
         assert_eq!(kept.read(&mut [0; 8]), Err(Errno::ENODEV), "{port}: the old number stays gone");
     }
     // A pull with an end puts the plug back by itself.
-    rig.bench.simulation.inject_for(0, Port::In4, DeviceFault::Unplug, 1_000_000_000).unwrap();
+    rig.bench.simulation.control(0, "in4 unplug for 1").unwrap();
     rig.pass_ms(500);
     assert_eq!(rig.folder("in4"), None);
     rig.pass_ms(2500);

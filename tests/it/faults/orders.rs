@@ -48,7 +48,7 @@ fn each_fault_reads_back_from_its_own_text() {
     let faults = DeviceFault::examples();
     assert_eq!(
         faults.len(),
-        DeviceFault::WORDS.len(),
+        DeviceFault::words().count(),
         "each word, with `garbage text` and without `write`"
     );
     for fault in faults {
@@ -79,6 +79,8 @@ fn what_is_not_an_order_says_what_is_wrong_and_the_way_out() {
         ("in1 delayed soon", "line 1: `soon` is not a number"),
         ("in1 delayed -5", "line 1: -5 is out of range; it can be 0 to 10000"),
         ("in1 wrong nan", "line 1: nan is out of range; it can be -100 to 100"),
+        ("in1 slow 0", "line 1: 0 is out of range; it can be 1 to 100000"),
+        ("in1 slow -5", "line 1: -5 is out of range; it can be 1 to 100000"),
         ("in1 jump 1.5", "line 1: `1.5` is not a whole number"),
         ("in1 jump 1000001", "line 1: 1000001 is out of range; it can be -1000000 to 1000000"),
         ("in1 stuck 5", "line 1: `5` does not belong to `stuck`"),

@@ -11,7 +11,7 @@ use nix::errno::Errno;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, VirtualClock};
 use onbrick::ev3dev::{Access, AttributeFile, LocalTree, Tree};
 use onbrick::sim::{
-    Entry, EntryKind, Mount, MountOptions, Observer, Options, Physics, Port, Simulation, World,
+    Entry, EntryKind, EventLayout, Mount, Observer, Options, Physics, Port, Simulation, World,
     WorldPhysics,
 };
 
@@ -38,7 +38,7 @@ pub(crate) fn no_fuse() -> bool {
         let folder = tempfile::tempdir().unwrap();
         let clock = Arc::new(VirtualClock::default());
         let simulation = Simulation::new(clock, Box::new(Bench::as_recorded()), 1);
-        Mount::new(&simulation, folder.path(), MountOptions::default())
+        Mount::new(&simulation, folder.path(), EventLayout::NATIVE)
             .err()
             .map(|error| error.to_string())
     });
@@ -86,7 +86,7 @@ impl Mounted {
             return None;
         }
         let folder = tempfile::tempdir().unwrap();
-        let (mount, _) = Mount::new(&simulation, folder.path(), MountOptions::default()).unwrap();
+        let (mount, _) = Mount::new(&simulation, folder.path(), EventLayout::NATIVE).unwrap();
         Some(Self { mount, folder, simulation, clock, rig: None, observer: None })
     }
 

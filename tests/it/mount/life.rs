@@ -14,7 +14,7 @@ use nix::errno::Errno;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use onbrick::clock::VirtualClock;
-use onbrick::sim::{Mount, MountError, MountOptions, Simulation, Unfit};
+use onbrick::sim::{EventLayout, Mount, MountError, Simulation, Unfit};
 
 use super::bench::{Mounted, await_or_fail, errno, names, no_fuse};
 use crate::drivers_bench::Bench;
@@ -223,7 +223,7 @@ fn a_second_simulator_at_the_same_place_is_refused_and_the_first_goes_on() {
     let point = mounted.mount().point();
     let simulation =
         Simulation::new(Arc::new(VirtualClock::default()), Box::new(Bench::as_recorded()), 1);
-    match Mount::new(&simulation, point, MountOptions::default()) {
+    match Mount::new(&simulation, point, EventLayout::NATIVE) {
         Err(MountError::Unfit { why: Unfit::Busy(source), .. }) => {
             assert_eq!(source, "onbrick-sim")
         }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use nix::errno::Errno;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, VirtualClock};
 use onbrick::ev3dev::{Button, Buttons, EV3, LocalTree, Sound, Tree};
-use onbrick::sim::{EventLayout, LcdGeometry, Mount, MountOptions, Options, Simulation};
+use onbrick::sim::{EventLayout, LcdGeometry, Mount, Options, Simulation};
 
 use super::bench::{Mounted, await_or_fail, errno, no_fuse};
 use crate::drivers_bench::Bench;
@@ -153,7 +153,7 @@ fn a_program_of_the_brick_reads_its_own_layout_of_events() {
     let clock = Arc::new(VirtualClock::default());
     let options = Options { lcd, ..Options::default() };
     let simulation = Simulation::with_options(clock, Box::new(Bench::as_recorded()), 1, options);
-    let options = MountOptions { events: EventLayout::Bits32 };
+    let options = EventLayout::Bits32;
     let (mount, _) = Mount::new(&simulation, folder.path(), options).unwrap();
     let mut buttons =
         OpenOptions::new().read(true).open(folder.path().join(EV3.buttons.unwrap())).unwrap();

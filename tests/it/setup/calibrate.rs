@@ -4,7 +4,7 @@ use super::*;
 use onbrick::commissioning::{
     ApplyError, CalibrateError, CalibrateOptions, Calibration, Straight, calibrate,
 };
-use onbrick::sim::{Button, Fault, Port};
+use onbrick::sim::{Button, Fault, Physics, Port};
 
 use crate::support::seeds;
 

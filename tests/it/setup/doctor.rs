@@ -9,7 +9,7 @@ use super::*;
 use onbrick::commissioning::{Diagnosis, Patient, Verdict, examine};
 use onbrick::ev3dev::{Access, AttributeFile};
 use onbrick::runtime::HardwareLock;
-use onbrick::sim::{Fault, Port};
+use onbrick::sim::{Fault, Physics, Port};
 
 /// 2026, for a clock that stands right.
 const NOW_NS: i64 = 1_790_000_000 * SECOND_NS;

@@ -1,85 +1,49 @@
 //! The motors there are: the constants of `ev3_motor_defs.c`.
 
 use super::pid::Pid;
-use crate::sim::driver::{Spec, readable, readwriteable, writeable};
 use crate::sim::physics::MotorKind;
 
 /// A type of motor.
 #[derive(Debug)]
 pub(crate) struct Model {
+    /// None for one that a port only has when it is told so.
+    kind: Option<MotorKind>,
     pub(crate) driver_name: &'static str,
-    pub(super) attributes: &'static [Spec],
     pub(super) max_speed: i32,
     hold_kp: i32,
+    /// Counts from one end to the other; 0 for one that turns.
     pub(super) full_travel_count: i32,
 }
 
 pub(super) const COUNT_PER_ROT: i32 = 360;
 pub(super) const COUNT_PER_M: i32 = 2000;
 
-macro_rules! attributes {
-    ($($first:expr),+) => {
-        &[
-            $($first,)+
-            readable("address"),
-            writeable("command"),
-            readable("commands"),
-            readable("driver_name"),
-            readable("duty_cycle"),
-            readwriteable("duty_cycle_sp"),
-            readwriteable("hold_pid/Kd"),
-            readwriteable("hold_pid/Ki"),
-            readwriteable("hold_pid/Kp"),
-            readable("max_speed"),
-            readwriteable("polarity"),
-            readwriteable("position"),
-            readwriteable("position_sp"),
-            readwriteable("ramp_down_sp"),
-            readwriteable("ramp_up_sp"),
-            readable("speed"),
-            readwriteable("speed_pid/Kd"),
-            readwriteable("speed_pid/Ki"),
-            readwriteable("speed_pid/Kp"),
-            readwriteable("speed_sp"),
-            readable("state"),
-            readwriteable("stop_action"),
-            readable("stop_actions"),
-            readwriteable("time_sp"),
-        ]
-    };
-}
-
-const ROTARY: &[Spec] = attributes!(readable("count_per_rot"));
-const LINEAR: &[Spec] = attributes!(readable("count_per_m"), readable("full_travel_count"));
-
 /// All of them, in the order of the driver's own table: what `set_device` of an output port takes.
 pub(crate) static MODELS: [Model; 5] = [
-    rotary("lego-nxt-motor", 1020, 80_000),
-    rotary("lego-ev3-l-motor", 1050, 80_000),
-    rotary("lego-ev3-m-motor", 1560, 160_000),
-    linear("act-l12-ev3-50", 100),
-    linear("act-l12-ev3-100", 200),
+    rotary(None, "lego-nxt-motor", 1020, 80_000),
+    rotary(Some(MotorKind::Large), "lego-ev3-l-motor", 1050, 80_000),
+    rotary(Some(MotorKind::Medium), "lego-ev3-m-motor", 1560, 160_000),
+    linear(MotorKind::Linear50, "act-l12-ev3-50", 100),
+    linear(MotorKind::Linear100, "act-l12-ev3-100", 200),
 ];
 
-const fn rotary(driver_name: &'static str, max_speed: i32, hold_kp: i32) -> Model {
-    Model { driver_name, attributes: ROTARY, max_speed, hold_kp, full_travel_count: 0 }
+const fn rotary(
+    kind: Option<MotorKind>,
+    driver_name: &'static str,
+    max_speed: i32,
+    hold_kp: i32,
+) -> Model {
+    Model { kind, driver_name, max_speed, hold_kp, full_travel_count: 0 }
 }
 
-const fn linear(driver_name: &'static str, full_travel_count: i32) -> Model {
-    Model { driver_name, attributes: LINEAR, max_speed: 24, hold_kp: 40_000, full_travel_count }
+const fn linear(kind: MotorKind, driver_name: &'static str, full_travel_count: i32) -> Model {
+    Model { kind: Some(kind), driver_name, max_speed: 24, hold_kp: 40_000, full_travel_count }
 }
 
 impl Model {
     /// The model of a motor; none for one without an encoder.
     pub(crate) fn of(kind: MotorKind) -> Option<&'static Self> {
-        let [_, large, medium, linear_50, linear_100] = &MODELS;
-        match kind {
-            MotorKind::Large => Some(large),
-            MotorKind::Medium => Some(medium),
-            MotorKind::Linear50 => Some(linear_50),
-            MotorKind::Linear100 => Some(linear_100),
-            MotorKind::Rcx => None,
-        }
+        MODELS.iter().find(|model| model.kind == Some(kind))
     }
 
     /// What a port in mode `tacho-motor` binds until `set_device` names something else.

@@ -1,6 +1,6 @@
 //! Any faults in any order.
 
-use onbrick::sim::{DeviceFault, Port};
+use onbrick::sim::{Act, DeviceFault, Order, Port};
 use proptest::prelude::*;
 
 use super::{MOTORS, SENSORS, raw, rig};
@@ -39,12 +39,8 @@ proptest! {
             for ((port, fault, for_ns), wait_ms) in &orders {
                 let port = Port::ALL[*port];
                 // What does not fit is refused, and that is an answer too.
-                let answer = match for_ns {
-                    Some(for_ns) => {
-                        rig.bench.simulation.inject_for(0, port, fault.clone(), *for_ns)
-                    }
-                    None => rig.bench.simulation.inject(0, port, fault.clone()),
-                };
+                let act = Act::Inject(port, fault.clone(), *for_ns);
+                let answer = rig.bench.simulation.follow(&Order { robot: 0, act });
                 seen.push(format!("{answer:?}"));
                 rig.pass_ms(*wait_ms);
                 seen.extend(everything(&rig));
