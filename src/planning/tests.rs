@@ -1,7 +1,7 @@
 //! Plans over maps as drawings, and over any map.
 
 use super::*;
-use crate::mapping::{Range, Sounding};
+use crate::mapping::{Estimate, MapPoint, Range, Sounding};
 use proptest::prelude::*;
 
 /// A grid from a drawing, around a start in its middle: `#` occupied, `.` free, ` ` unknown, a
