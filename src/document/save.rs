@@ -112,7 +112,9 @@ fn write_beside(
     // Of this process alone: two may write the same file at once.
     let fresh = beside(path, &format!("{}.new", std::process::id()));
     let mode = if readers == Readers::Owner { 0o600 } else { 0o666 };
-    let opened = File::options().write(true).create(true).truncate(true).mode(mode).open(&fresh);
+    // One that a killed process with this number left may have other readers.
+    let _ = std::fs::remove_file(&fresh);
+    let opened = File::options().write(true).create_new(true).mode(mode).open(&fresh);
     let written = opened.and_then(|mut file| {
         if let Ok(known) = std::fs::metadata(path)
             && readers == Readers::AsUsual
