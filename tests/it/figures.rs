@@ -11,6 +11,7 @@ mod encoder_gyro;
 mod explore;
 mod maps;
 mod motor_steps;
+mod rooms;
 mod sonar;
 mod sonar_model;
 mod team;

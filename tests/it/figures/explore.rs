@@ -1,9 +1,9 @@
 //! How much of a room mission `explore` maps, and whether it comes home, against what only a
 //! simulation knows.
 //!
-//! `cargo test --test it figures_of_explore -- --nocapture` takes two seeds a world; with
-//! `ONBRICK_LONG=1` it takes all: 20 in `arena` and `rooms`, 10 in each of the others. The others
-//! stand in this file alone.
+//! `cargo test --test it figures_of_explore -- --nocapture` takes two seeds a world, and six rooms
+//! that chance draws; with `ONBRICK_LONG=1` it takes all: 20 in `arena` and `rooms`, 10 in each of
+//! the others, and 80 rooms. The others stand in this file alone.
 //!
 //! Each world is also taken with a robot whose gyro and wheels are as its file says: what is
 //! missing there, exploring has not found; what is missing besides, the drift of the pose has
@@ -17,6 +17,7 @@ use onbrick::sim::{World, covered};
 use onbrick::simulated::furnished;
 use onbrick::units::{degrees, wrap_rad};
 
+use super::rooms::room;
 use crate::missions::{job, play, robot};
 
 /// Posts of a hand's width.
@@ -220,9 +221,8 @@ struct Summary {
     stalls: usize,
 }
 
-fn summary(name: &str, text: &str, seeds: u64, limit_s: f64) -> Summary {
-    let runs: Vec<Figures> =
-        crate::support::seeds(seeds).map(|seed| explored(name, text, seed, limit_s)).collect();
+fn summary(name: &str, explored: impl Fn(u64) -> Figures, seeds: u64) -> Summary {
+    let runs: Vec<Figures> = crate::support::seeds(seeds).map(explored).collect();
     for (seed, figures) in (1..).zip(&runs) {
         figures.print(&format!("{name}, seed {seed}"));
     }
@@ -262,12 +262,8 @@ fn summary(name: &str, text: &str, seeds: u64, limit_s: f64) -> Summary {
 #[test]
 #[cfg_attr(target_arch = "arm", ignore = "long runs, the same bits as on a PC")]
 fn figures_of_explore() {
-    let is_long = std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1");
-    println!(
-        "explore: coverage, points under 5 cm as placed, as moved, of what stands, occupied cells \
-         under 5 cm, wall that has one, %; home by truth, by odometry: cm, degrees; collisions \
-         above 5 cm/s, stalls; s"
-    );
+    let is_long = is_long();
+    print_head();
     let mut near = [0.0; 3];
     let (arena, rooms) = (World::text("arena").unwrap(), World::text("rooms").unwrap());
     // With the lobe the passage of `gap` is taken for closed in one run of twelve, and what stands
@@ -282,10 +278,11 @@ fn figures_of_explore() {
         ("corridors", CORRIDORS, 300.0, 10, 0.85),
     ] {
         let seeds = if is_long { most } else { 2 };
-        let drifting = summary(name, text, seeds, limit_s);
+        let drifting = summary(name, |seed| explored(name, text, seed, limit_s), seeds);
         let as_the_file_says = format!("{text}{AS_THE_FILE_SAYS}");
         let true_name = format!("{name}, no drift");
-        let steady = summary(&true_name, &as_the_file_says, seeds, limit_s);
+        let steady =
+            summary(&true_name, |seed| explored(name, &as_the_file_says, seed, limit_s), seeds);
         near = [0, 1, 2].map(|at| near[at] + drifting.near[at]);
         // One run's coverage has a standard deviation of 4.5 %: the mean of two is less sure.
         let least = if is_long { least } else { least - 0.05 };
@@ -301,6 +298,30 @@ fn figures_of_explore() {
     let [placed, moved, standing] = near;
     assert!(moved > placed, "keyframes make maps worse: {near:?}, sums over the worlds");
     assert!(standing > moved + 0.15, "what is left out stands: {near:?}, sums over the worlds");
+}
+
+#[test]
+#[cfg_attr(target_arch = "arm", ignore = "long runs, the same bits as on a PC")]
+fn figures_of_explore_in_rooms_that_chance_draws() {
+    print_head();
+    let (rooms, least) = if is_long() { (80, 0.95) } else { (6, 0.85) };
+    let explored = |number| explored("room", &room(number), number, 600.0);
+    let summary = summary("rooms that chance draws", explored, rooms);
+    assert!(summary.coverage > least, "coverage {}", summary.coverage);
+    assert!(summary.home[1] >= 0.8, "{} at home by odometry", summary.home[1]);
+    assert!(4 * summary.collisions <= usize::try_from(rooms).unwrap(), "collisions");
+}
+
+fn is_long() -> bool {
+    std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1")
+}
+
+fn print_head() {
+    println!(
+        "explore: coverage, points under 5 cm as placed, as moved, of what stands, occupied cells \
+         under 5 cm, wall that has one, %; home by truth, by odometry: cm, degrees; collisions \
+         above 5 cm/s, stalls; s"
+    );
 }
 
 #[test]
