@@ -55,12 +55,12 @@ pub(super) fn room(number: u64) -> String {
             let [middle_m, length_m] = [(low_m + high_m) / 2.0, high_m - low_m];
             writeln!(text, "[[block]]\nat = [{x}, {middle_m}]\nsize_m = [0.1, {length_m}]")
                 .unwrap();
-            taken.push(([x, middle_m], length_m / 2.0));
         }
-        taken.push(([x, from_m + door_m / 2.0], door_m / 2.0));
+        // Along the wall, and before the door.
+        taken.extend((0..=30).map(|tenth| ([x, f64::from(tenth) / 10.0], 0.2)));
     }
     let mut place = |chance: &mut Chance, reach_m: f64, clear_m: f64| {
-        for _ in 0..200 {
+        for _ in 0..2000 {
             let at = [chance.between(0.0, w), chance.between(0.0, h)];
             let is_free =
                 |(other, other_m): &(Place, f64)| far_m(at, *other) > reach_m + other_m + BETWEEN_M;
