@@ -172,12 +172,15 @@ impl Program {
         }
     }
 
-    /// The wheels are blocked: the machine that drives them goes to the state of `on_stall` at the
-    /// next step, whatever its conditions say: to that of the innermost sub-machine in use which
-    /// names one, else to the mission's. One that is there already stays, and the state's time and
+    /// The wheels are blocked. A motion over the map backs off by itself. Else the machine that
+    /// drives the wheels goes to the state of `on_stall` at the next step, whatever its conditions
+    /// say: to that of the innermost sub-machine in use which names one, else to the mission's. One that is there already stays, and the state's time and
     /// way go on: its own conditions lead it out. False where there is none: the mission asks to be
     /// stopped.
     pub fn stall(&mut self) -> bool {
+        if self.turn.ongoing.navigation.stall() {
+            return true;
+        }
         let Some((machine, stalls)) = &self.on_stall else { return false };
         let at = self.engine.position(*machine).map(|(at, _)| usize::from(at));
         let Some(state) = at.and_then(|at| *stalls.get(at)?) else { return false };

@@ -11,6 +11,7 @@
 
 use onbrick::mapping::{MapPoint, points_now};
 use onbrick::recording::{Grid, Run};
+use onbrick::report::timeline::Timeline;
 use onbrick::robot::RobotConfig;
 use onbrick::runtime::{Job, Source};
 use onbrick::sim::{World, covered};
@@ -181,7 +182,8 @@ fn middles_of_occupied(grid: &Grid) -> Vec<[f64; 2]> {
 
 /// How often the wheels were blocked.
 fn stalls(run: &Run) -> usize {
-    run.transitions.iter().filter(|taken| taken.taken.transition.is_none()).count()
+    let marks = Timeline::of_run(run).unwrap().marks;
+    marks.iter().filter(|mark| mark.kind == "stall").count()
 }
 
 impl Figures {
