@@ -186,6 +186,19 @@ fn bare(text: &str, at: usize) -> Option<Explained> {
         });
     }
     let begins = value.chars().next()?;
+    let unit = value.trim_start_matches(|letter: char| letter.is_ascii_digit() || letter == '.');
+    let in_unit = |letter: char| letter.is_alphabetic() || "%°/".contains(letter);
+    if begins.is_ascii_digit()
+        && unit.contains(in_unit)
+        && unit.trim_start().chars().all(in_unit)
+        && key.contains('_')
+    {
+        return Some(Explained {
+            place,
+            message: "a number stands without its unit".to_owned(),
+            hint: format!("write the number alone: `{key}` says its unit"),
+        });
+    }
     let what = if value.parse::<f64>().is_ok() || value.contains('=') {
         return None;
     } else if value.chars().all(|letter| letter.is_alphanumeric() || "_-".contains(letter)) {
@@ -267,6 +280,18 @@ mod tests {
                 "an expression belongs in quotes",
                 "write `turn_dps = \"2 * x_m\"`",
                 "2 * x_m, led = \"red\" }",
+            ),
+            (
+                "do = { forward_mps = 10 cm }\n",
+                "a number stands without its unit",
+                "write the number alone: `forward_mps` says its unit",
+                "10 cm }",
+            ),
+            (
+                "time_limit_s = 2min\n",
+                "a number stands without its unit",
+                "write the number alone: `time_limit_s` says its unit",
+                "2min",
             ),
             (
                 "do = { forward_mps = 0,25 }\n",

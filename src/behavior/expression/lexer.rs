@@ -35,6 +35,9 @@ const FOREIGN: [(&str, &str); 8] = [
     ("−", "-"),
 ];
 
+/// What is said of `0.25m`, `25 cm` and `90°`.
+pub(super) const UNIT: &str = "a unit is part of a name, as in `range_m < 0.25`";
+
 /// All tokens, the last one being [`Token::End`].
 pub(super) fn tokens(text: &str) -> Result<Vec<Placed<'_>>, Misreading> {
     let mut tokens = Vec::new();
@@ -79,6 +82,7 @@ fn token(rest: &str, first: char) -> Result<(Token<'_>, usize), Bad> {
     let foreign = FOREIGN.iter().find(|(sign, _)| rest.starts_with(sign));
     let (sign, hint) = match foreign {
         Some((sign, meant)) => ((*sign).to_owned(), Some(format!("write `{meant}`"))),
+        None if matches!(first, '%' | '°') => (first.to_string(), Some(UNIT.to_owned())),
         None => {
             let known = "known are + - * / < <= > >= == != and or not ( )";
             (first.escape_debug().to_string(), Some(known.to_owned()))
@@ -96,11 +100,7 @@ fn number(rest: &str) -> Result<(Token<'_>, usize), Bad> {
         _ => {
             let unit =
                 text.contains(|c: char| (c.is_alphabetic() && !matches!(c, 'e' | 'E')) || c == '_');
-            let way_out = if unit {
-                "a unit is part of a name, as in `range_m < 0.25`"
-            } else {
-                "write it as `0.25` or `2.5e-1`"
-            };
+            let way_out = if unit { UNIT } else { "write it as `0.25` or `2.5e-1`" };
             let hint = Some(way_out.to_owned());
             Err((Mistake::Number(printable::name(text).into_owned()), length, hint))
         }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::evaluation::{STACK, depth};
 use super::function::{FUNCTIONS, Function};
-use super::lexer::{Placed, Token, tokens};
+use super::lexer::{Placed, Token, UNIT, tokens};
 use super::vocabulary::{SEARCHED, values};
 use super::{Comparison, Expression, Infix, Kind, Misreading, Mistake, Op, Vocabulary};
 use crate::behavior::blackboard::MAX_PIDS;
@@ -183,7 +183,12 @@ impl<'p> Parser<'p, '_> {
 
     /// Something stands where an operator should.
     fn unexpected(&mut self, token: Token<'_>, place: Range<usize>) {
-        let hint = (token == Token::Comma).then(|| POINT.to_owned());
+        let before = self.at.checked_sub(1).and_then(|before| self.tokens.get(before));
+        let hint = match (before, token) {
+            (_, Token::Comma) => Some(POINT.to_owned()),
+            (Some((Token::Number(_), _)), Token::Name(_)) => Some(UNIT.to_owned()),
+            _ => None,
+        };
         self.note(place, Mistake::NoOperator(described(token)), hint);
     }
 

@@ -269,6 +269,8 @@ fn mistakes_have_a_place_and_a_way_out() {
             "`5cm` is not a number that can be used",
             "a unit is part of a name, as in `range_m < 0.25`",
         ),
+        ("range_m < 5 cm", "cm", "an operator should stand here, not `cm`", "a unit is part of"),
+        ("heading_deg > 90°", "°", "`°` has no meaning in an expression", "a unit is part of"),
         (
             "range_m < 1e999",
             "1e999",
