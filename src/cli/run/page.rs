@@ -79,7 +79,6 @@ fn shown(
     output: &mut Output,
 ) -> Result<(), Failure> {
     let Prepared { job, mission, folder } = prepared;
-    hand.begin();
     let place = match &arguments.brick.sim {
         Some(world) => format!("in {}", named(world)),
         None => format!("on {}", arguments.brick.files.root().display()),
@@ -232,12 +231,6 @@ impl Hand {
         }
     }
 
-    /// A run begins, of which nothing has been wanted yet.
-    fn begin(&self) {
-        self.again.store(false, Ordering::Relaxed);
-        self.flags.page.store(false, Ordering::Relaxed);
-    }
-
     fn hold(&self, stopper: Stopper) {
         *self.stopper() = Some(stopper);
     }
@@ -256,11 +249,29 @@ impl Hand {
         self.again.load(Ordering::Relaxed)
     }
 
-    /// Waits until another run is wanted; false on Ctrl-C.
+    /// Waits until another run is wanted, of which nothing has been wanted then; false on Ctrl-C.
     fn wait(&self) -> bool {
         while !self.is_over() && !self.is_wanted() {
             MonotonicClock.sleep_ns(LOOK_NS);
         }
+        self.again.store(false, Ordering::Relaxed);
+        self.flags.page.store(false, Ordering::Relaxed);
         !self.is_over()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_wish_is_one_run_even_where_that_is_refused() {
+        let flags = StopFlags::default();
+        let hand = Hand { flags, stopper: Arc::default(), again: Arc::default() };
+        hand.grant(Wish::Again);
+        assert!(hand.wait());
+        assert!(!hand.is_wanted() && !hand.flags.page.load(Ordering::Relaxed));
+        hand.flags.raise(StopBy::Terminal);
+        assert!(!hand.wait());
     }
 }
