@@ -7,8 +7,8 @@ use std::sync::Arc;
 use super::Hint as _;
 use super::brick::{MissionBrick, brick_is_there};
 use super::common::{
-    chosen_robot, load_mission, load_robot, number_within, own_program, pose, read_mission,
-    setting, stamps_ns, warn,
+    chosen_robot, in_shell, load_mission, load_robot, number_within, own_program, pose,
+    read_mission, setting, stamps_ns, warn,
 };
 use super::folder::RunFolder;
 use super::happenings::Happenings;
@@ -176,7 +176,7 @@ fn ended_badly(why: String, file: &Path, output: &Output) -> Failure {
     let failure = bad_end(why, file, output.is_one_screen());
     // What programs read stays as it was.
     if output.is_json() {
-        failure.hint(format!("onbrick replay {}", file.display()))
+        failure.hint(format!("onbrick replay {}", in_shell(file)))
     } else {
         failure
     }
@@ -186,7 +186,7 @@ fn ended_badly(why: String, file: &Path, output: &Output) -> Failure {
 fn bad_end(why: String, file: &Path, seen: bool) -> Failure {
     let message =
         if seen { "the run did not come to a good end, as said above".into() } else { why };
-    let file = file.display();
+    let file = in_shell(file);
     Failure::new(Exit::Failed, message).hint(if cfg!(feature = "host") {
         format!("onbrick plot {file} -o run.html, to see where it was; onbrick replay {file}")
     } else {
@@ -313,11 +313,11 @@ mod tests {
 
     #[test]
     fn why_a_run_ended_badly_is_not_said_twice_on_one_screen() {
-        let said = |seen| bad_end("it fell".to_owned(), Path::new("r.mcap"), seen).to_text();
+        let said = |seen| bad_end("it fell".to_owned(), Path::new("my r.mcap"), seen).to_text();
         assert!(said(false).starts_with("error: it fell\n  try: onbrick "), "{}", said(false));
         assert!(!said(true).contains("it fell"), "{}", said(true));
         for seen in [true, false] {
-            assert!(said(seen).ends_with("onbrick replay r.mcap"), "{}", said(seen));
+            assert!(said(seen).ends_with("onbrick replay 'my r.mcap'"), "{}", said(seen));
         }
     }
 

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::common::{chosen_robot, load_robot, load_world, read_own, warn, write_file};
+use super::common::{chosen_robot, in_shell, load_robot, load_world, read_own, warn, write_file};
 use super::terminal::stop_flags;
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
@@ -387,7 +387,7 @@ fn tell(arguments: &Arguments, mount: &Mount, found: Found, output: &mut Output)
     if found.made {
         output.line(format!("made the folder {point}"));
     }
-    let first = bricks.first().cloned().unwrap_or_default();
+    let first = in_shell(&mount.root(0));
     let what = if bricks.len() == 1 {
         "a simulated brick".to_owned()
     } else {

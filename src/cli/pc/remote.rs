@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
-use crate::cli::common::{number_within, read_bounded, warn};
+use crate::cli::common::{in_shell, number_within, read_bounded, warn};
 use crate::cli::key::Folder;
 use crate::cli::{Exit, Failure, Output};
 use crate::document::nearest;
@@ -93,7 +93,7 @@ impl How {
     pub(super) fn team(&self, path: &Path) -> Result<(Team, Asking), Failure> {
         let folder = self.folder.path()?;
         let known = KnownBricks::load(&folder)?;
-        let new = || format!("onbrick new team {}, which writes one", path.display());
+        let new = || format!("onbrick new team {}, which writes one", in_shell(path));
         let bytes = read_bounded(path).map_err(|failure| failure.hint(new()))?;
         let parsed = Team::parse(&path.display().to_string(), &bytes, &known);
         let (team, warnings) = parsed.map_err(|findings| {
