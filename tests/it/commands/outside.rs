@@ -41,18 +41,17 @@ fn the_documented_program_wanders_under_leases_and_stops() {
 }
 
 #[test]
-fn the_documented_programs_are_about_thirty_lines() {
+fn the_documented_programs_are_sixty_lines_at_most() {
     for text in [
         include_str!("../../examples/square.rs"),
         include_str!("../../examples/line.rs"),
         include_str!("../../examples/wander.rs"),
     ] {
-        let main = text.split("fn main()").nth(1).unwrap();
-        let lines = main
+        let lines = text
             .lines()
             .filter(|line| !line.trim().is_empty() && !line.trim().starts_with("//"))
             .count();
-        assert!(lines <= 50, "{lines} lines");
+        assert!(lines <= 60, "{lines} lines");
     }
 }
 
