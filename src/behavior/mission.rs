@@ -95,8 +95,8 @@
 //! From outside they are `left_side.way_m`, from another machine `drive.left_side.way_m`. When the
 //! wheels are blocked, the innermost sub-machine in use that has an `on_stall` goes to that state;
 //! where none has, the mission's own `on_stall` counts. Motions over the map, `explore_m` and a
-//! `goto` with `keep_m`, back off by themselves, against the way that they drove last, and only when
-//! that has not helped six times in one place does `on_stall` count.
+//! `goto` with `keep_m`, back off by themselves instead, against the way that they drove last; when
+//! that has not helped six times in one place, they are done.
 //!
 //! A sub-machine that the file does not define is taken from `NAME.toml` beside it, which has
 //! sub-machines and nothing else, or from those that come with the program

@@ -21,6 +21,7 @@ use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
+mod back_off;
 mod cramped;
 mod ending;
 mod looking;
@@ -32,6 +33,7 @@ use super::signals::{Signal, Signals};
 use crate::clock::{MILLISECOND_NS, seconds};
 use crate::planning::{self, Outcome, Plan, Request, View};
 use crate::units::within;
+use back_off::Way;
 use looking::{HEAD_NEAR_RAD, HeadAim};
 use tick::Tick;
 
@@ -173,12 +175,9 @@ const CREEP_M_S: f64 = 0.02;
 const NARROW_M_S: f64 = 0.045;
 const TIGHT: f64 = 0.75;
 
-/// Stops within this are in one place, metres; this number in a row makes it back off by the last.
+/// Stops within this are in one place, metres; this number in a row makes it back off.
 const SAME_PLACE_M: f64 = 0.10;
 const STOPS: u8 = 3;
-const BACK_OFF_M: f64 = 0.08;
-/// It backs off from what blocks its wheels in one place no more often than this.
-const BLOCKS: u8 = 6;
 
 impl NavigationState {
     /// Whether the goal is reached, or nothing is left to explore.
@@ -208,14 +207,6 @@ impl NavigationState {
         self.plan.serial = serial;
     }
 
-    /// The wheels are blocked: it backs off in its next step. False where it is not under way, or
-    /// has backed off in this place again and again.
-    pub(super) fn stall(&mut self) -> bool {
-        let is_under_way = self.order.is_some() && self.phase != Phase::Done;
-        self.is_blocked = is_under_way && self.blocks < BLOCKS;
-        self.is_blocked
-    }
-
     /// One tick: what the wheels are to do, and where the head is to point.
     ///
     /// - `order`: asked for once.
@@ -241,17 +232,12 @@ impl NavigationState {
         let tick = Tick { first_rad, keep_m, order, at, signals, limits, step_s };
         let was_pressed = std::mem::replace(&mut self.is_pressed, tick.is_pressed());
         if std::mem::take(&mut self.is_blocked) {
-            let [x_m, y_m] = self.blocked_m;
-            let is_same_place = at.to(x_m, y_m).0 < SAME_PLACE_M;
-            self.blocks = if is_same_place { self.blocks + 1 } else { 1 };
-            self.blocked_m = [at.x_m, at.y_m];
-            self.back_off(motion);
+            self.blocked(at, motion);
         } else if self.is_pressed
             && !was_pressed
             && matches!(self.phase, Phase::Drive | Phase::Arrive)
         {
-            self.is_backwards = false;
-            self.back_off(motion);
+            self.back_off(motion, Way::Back);
         }
         let drive = match self.phase {
             Phase::Begin => {
@@ -300,8 +286,8 @@ impl NavigationState {
             return Drive::STILL;
         }
         let drive = motion.step(|| None, tick.signals, tick.limits);
-        let is_stopped =
-            self.phase == Phase::BackOff && !self.is_backwards && tick.is_ahead().is_some();
+        let goes_ahead = matches!(drive, Drive::Twist { forward_m_s, .. } if forward_m_s > 0.0);
+        let is_stopped = self.phase == Phase::BackOff && goes_ahead && tick.is_ahead().is_some();
         if motion.is_done() || is_stopped {
             match self.phase {
                 Phase::Face => self.look_at(tick, self.plan.goal()),
@@ -465,17 +451,10 @@ impl NavigationState {
         self.stops = if is_same_place { self.stops.saturating_add(1) } else { 1 };
         self.stopped_m = travelled_m;
         if self.stops >= STOPS {
-            self.back_off(motion);
+            self.back_off(motion, Way::Back);
             return;
         }
         self.ask(tick, None, obstacle);
-    }
-
-    fn back_off(&mut self, motion: &mut MotionState) {
-        self.rest();
-        self.stops = 0;
-        let way_m = if self.is_backwards { BACK_OFF_M } else { -BACK_OFF_M };
-        self.begin(Phase::BackOff, motion, motion::Goal::Ahead { way_m });
     }
 
     fn begin(&mut self, phase: Phase, motion: &mut MotionState, goal: motion::Goal) {
@@ -490,66 +469,4 @@ impl NavigationState {
 /// A value on its way to another, by a step at most.
 fn toward(from: f64, to: f64, most: f64) -> f64 {
     from + (to - from).clamp(-most, most)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::units::radians;
-
-    /// A robot that backs off from what blocks its wheels: how far it is ahead of where it stood
-    /// after so many steps of 20 ms, metres.
-    fn backed_off_m(state: &mut NavigationState, steps: i64) -> f64 {
-        let (mut motion, mut x_m) = (MotionState::default(), 0.0);
-        for step in 0..steps {
-            let mut signals = Signals::at(step * 20 * MILLISECOND_NS);
-            for (signal, value) in [(Signal::X, x_m), (Signal::Y, 0.0), (Signal::Heading, 0.0)] {
-                signals.set(signal, value);
-            }
-            let order = || unreachable!("it is under way");
-            let (drive, _) = state.step(order, &mut motion, &signals, &MotionLimits::default());
-            if let Drive::Twist { forward_m_s, .. } = drive {
-                x_m += forward_m_s * 0.02;
-            }
-        }
-        x_m
-    }
-
-    fn under_way(is_backwards: bool) -> NavigationState {
-        let goal = Goal::Place { x_m: 9.0, y_m: 0.0, face_rad: Some(radians(90.0)) };
-        let order = Order { goal, keep_m: KEEP_M, speed_m_s: None, turn_rad_s: None };
-        let phase = Phase::Drive;
-        NavigationState { order: Some(order), phase, is_backwards, ..NavigationState::default() }
-    }
-
-    #[test]
-    fn it_backs_off_against_the_way_that_it_drove_last() {
-        for (is_backwards, ahead) in [(false, -1.0), (true, 1.0)] {
-            let mut state = under_way(is_backwards);
-            assert!(state.stall());
-            let way_m = backed_off_m(&mut state, 150);
-            assert!((way_m - ahead * BACK_OFF_M).abs() < 0.01, "{way_m} m");
-            // What blocks it on the way back is on the other side.
-            let mut state = under_way(is_backwards);
-            assert!(state.stall());
-            let first_m = backed_off_m(&mut state, 20);
-            assert!(state.stall());
-            let second_m = backed_off_m(&mut state, 150);
-            assert!(first_m * second_m < 0.0, "{first_m} m, then {second_m} m");
-        }
-    }
-
-    #[test]
-    fn it_backs_off_in_one_place_only_so_often_and_only_under_way() {
-        let mut state = under_way(false);
-        let handled = (0..20).take_while(|_| {
-            let handled = state.stall();
-            backed_off_m(&mut state, 5);
-            handled
-        });
-        assert_eq!(handled.count(), usize::from(BLOCKS));
-        for (order, phase) in [(under_way(false).order, Phase::Done), (None, Phase::Begin)] {
-            assert!(!NavigationState { order, phase, ..NavigationState::default() }.stall());
-        }
-    }
 }

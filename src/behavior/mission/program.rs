@@ -174,9 +174,9 @@ impl Program {
 
     /// The wheels are blocked. A motion over the map backs off by itself. Else the machine that
     /// drives the wheels goes to the state of `on_stall` at the next step, whatever its conditions
-    /// say: to that of the innermost sub-machine in use which names one, else to the mission's. One that is there already stays, and the state's time and
-    /// way go on: its own conditions lead it out. False where there is none: the mission asks to be
-    /// stopped.
+    /// say: to that of the innermost sub-machine in use which names one, else to the mission's. One
+    /// that is there already stays, and the state's time and way go on: its own conditions lead it
+    /// out. False where there is none: the mission asks to be stopped.
     pub fn stall(&mut self) -> bool {
         if self.turn.ongoing.navigation.stall() {
             return true;

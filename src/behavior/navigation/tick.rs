@@ -16,6 +16,9 @@ const AHEAD_M: f64 = 0.09;
 const SLACK_M: f64 = 0.03;
 const BESIDE_M: f64 = 0.04;
 
+/// What is too near for an echo is ahead where the head looks no further aside than this.
+const TOO_NEAR_RAD: f64 = 45.0 * (PI / 180.0);
+
 /// Turns that would sum up to more than this are made the other way round.
 const WOUND_RAD: f64 = 200.0 * (PI / 180.0);
 
@@ -58,6 +61,10 @@ impl Tick<'_> {
     pub(super) fn is_ahead(&self) -> Option<[f64; 2]> {
         let range_m = self.signals.get(Signal::Sensed(Channel::Range))?;
         let head_rad = self.head_rad();
+        // What is too near for an echo is on the side to which the head looks.
+        if range_m <= 0.0 && head_rad.abs() > TOO_NEAR_RAD {
+            return None;
+        }
         let (sin, cos) = libm::sincos(head_rad);
         let ahead_m = self.limits.range_ahead_m + range_m * cos;
         // Within the cone it may be nearer to the lane.
