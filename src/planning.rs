@@ -61,9 +61,9 @@
 //!   in two worlds, 4 % less where three rooms lie in a row.
 //! - 0.06 m/s on narrow ways, or to take a way as wide though nothing was heard through it: none.
 //! - A way counts as narrow where beams from one direction alone went through, of four by 45°: a
-//!   fifth of the collisions above 5 cm/s in 240 runs of 300 s, as it is slow there, and in pillars,
-//!   slanted blocks and corridors 6 to 10 % less of the wall. Such a way costs twice as much but is
-//!   driven as fast: as many collisions.
+//!   fifth of the collisions above 5 cm/s in 240 runs of 300 s, as it is slow there, and 6 to 10 %
+//!   less of the wall among pillars, slanted blocks and in corridors. Such a way costs twice as
+//!   much but is driven as fast: as many collisions.
 //!
 //! # What it costs
 //!
