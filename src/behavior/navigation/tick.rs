@@ -83,3 +83,30 @@ impl Tick<'_> {
         ])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::behavior::navigation::{Goal, KEEP_M};
+    use crate::units::radians;
+
+    #[test]
+    fn what_is_too_near_for_an_echo_is_ahead_only_where_the_head_looks_ahead() {
+        for (head_deg, is_ahead) in [(0.0, true), (-40.0, true), (50.0, false), (-90.0, false)] {
+            let mut signals = Signals::at(0);
+            signals.set(Signal::Sensed(Channel::Range), 0.0);
+            signals.set(Signal::Sensed(Channel::Head), radians(head_deg));
+            let goal = Goal::Explore { within_m: 9.0 };
+            let tick = Tick {
+                keep_m: KEEP_M,
+                first_rad: 0.0,
+                order: Order { goal, keep_m: KEEP_M, speed_m_s: None, turn_rad_s: None },
+                at: At { x_m: 0.0, y_m: 0.0, heading_rad: 0.0 },
+                signals: &signals,
+                limits: &MotionLimits::default(),
+                step_s: 0.02,
+            };
+            assert_eq!(tick.is_ahead().is_some(), is_ahead, "{head_deg}°");
+        }
+    }
+}
