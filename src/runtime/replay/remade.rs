@@ -99,6 +99,7 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
     let truth = run.ending.as_ref().and_then(|ending| ending.truth);
     let points = cast.pilot.finish();
     remade.points += count(&points);
+    tick_side.keyframes(time_ns, cast.pilot.keyframes());
     let end = End { stop, time_ns, truth, points, map: Some(Grid::from(cast.pilot.map().grid())) };
     recorder.finish(tick_side, end)?;
     Ok(remade)

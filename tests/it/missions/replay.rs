@@ -162,6 +162,20 @@ fn another_robot_makes_another_path_of_the_same_ticks() {
 }
 
 #[test]
+fn the_same_robot_makes_the_same_map_again() {
+    let played = play_in("map", "arena", 1);
+    let run = played.run();
+    let robot = Source { name: "robot.toml".to_owned(), text: ROBOT.to_owned() };
+    let file = played.folder.path().join("again.mcap");
+    replay_with(&run, &robot, &file).unwrap();
+    let again = Run::open(&file).unwrap();
+    assert!(!run.keyframes.is_empty(), "walls have moved the points of the map");
+    assert_eq!(again.keyframes, run.keyframes);
+    assert_eq!(again.points_now(), run.points_now());
+    assert_eq!(again.map, run.map);
+}
+
+#[test]
 fn the_same_seed_gives_the_same_bytes_and_another_does_not() {
     let [first, again, other] = [7, 7, 8].map(|seed| play_in("map", "cylinders", seed));
     assert!(first.bytes == again.bytes, "two runs with seed 7 differ");
