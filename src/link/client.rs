@@ -365,8 +365,8 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`ClientError`]; what has come so far stays in `FILE.part`, and a `FILE` that was there as
-    /// it was.
+    /// [`ClientError`]; what has come so far stays in `FILE.part`, which is deleted if it is empty,
+    /// and a `FILE` that was there as it was.
     pub fn fetch(
         &mut self,
         run: &RunId,

@@ -19,7 +19,7 @@ use super::status::Status;
 #[derive(Debug)]
 pub struct Followed {
     path: PathBuf,
-    /// Open since it was there first: a download that is complete is given another name.
+    /// Open since there was something in it: a download that is complete is given another name.
     file: Option<GrowingFile>,
     heard: Heard,
     collected: Collected,
@@ -38,14 +38,15 @@ impl Followed {
     ///
     /// The file is there and cannot be read.
     pub fn look(&mut self) -> io::Result<()> {
-        let file = match &mut self.file {
-            Some(file) => file,
-            None => match GrowingFile::open(&self.path) {
-                Ok(file) => self.file.insert(file),
-                Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        // A download deletes its empty file when it fails; the next one makes another.
+        if self.file.as_ref().is_none_or(GrowingFile::is_unread) {
+            match GrowingFile::open(&self.path) {
+                Ok(file) => self.file = Some(file),
+                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
                 Err(error) => return Err(error),
-            },
-        };
+            }
+        }
+        let Some(file) = &mut self.file else { return Ok(()) };
         let (heard, collected) = (&mut self.heard, &mut self.collected);
         while file.look(&mut |found| {
             let _ = heard.take(&found);

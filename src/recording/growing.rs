@@ -95,6 +95,11 @@ impl GrowingFile {
         Ok(Self { file, growing: Growing::default(), is_damaged: false })
     }
 
+    /// Nothing has come yet.
+    pub(super) fn is_unread(&self) -> bool {
+        self.growing.wanted() == 0
+    }
+
     /// Reads on; false where nothing more has come, or can be made of the file. What is damaged is
     /// the matter of who reads the file when it is whole.
     pub(super) fn look(&mut self, found: &mut dyn FnMut(Found<'_>)) -> io::Result<bool> {

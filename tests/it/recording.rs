@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use onbrick::clock::{Clock, MonotonicClock};
 use onbrick::mapping::MapPoint;
 use onbrick::recording::{
-    Level, Options, Pace, ReadError, Recorder, Run, Status, TickRecord, create, ending_of,
+    Followed, Level, Options, Pace, ReadError, Recorder, Run, Status, TickRecord, create, ending_of,
 };
 use onbrick::runtime::PilotState;
 use onbrick::runtime::StopReason;
@@ -63,6 +63,21 @@ fn a_file_on_a_disk_is_written_and_opened() {
     let run = Run::open(&path).unwrap();
     assert_eq!((run.senses.len(), run.warnings.len(), run.integrity.complete), (100, 0, true));
     assert!(create(&folder.path().join("no/such/run.mcap")).is_err());
+}
+
+#[test]
+fn a_recording_is_followed_whose_empty_file_was_deleted_and_made_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap.part");
+    let mut followed = Followed::of(path.clone());
+    for there in [None, Some(Vec::new()), None, Some(sample(100, 1_000_000_000)), None] {
+        match there {
+            Some(bytes) => std::fs::write(&path, bytes).unwrap(),
+            None => drop(std::fs::remove_file(&path)),
+        }
+        followed.look().unwrap();
+    }
+    assert_eq!(followed.run().poses.len(), 100);
 }
 
 #[test]

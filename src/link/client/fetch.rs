@@ -81,7 +81,8 @@ pub(super) fn fetch(
     let mut had_to_start_over = false;
     loop {
         let mut fetching = Fetching::new(line, run, part, most);
-        let ended = fetching.run_to_end(watch)?;
+        let ended = fetching.run_to_end(watch);
+        let ended = ended.inspect_err(|_| fetching.part.discard_if_empty())?;
         let progress = fetching.progress;
         part = fetching.part;
         match ended {
@@ -390,9 +391,10 @@ impl PartFile {
         Ok(())
     }
 
-    /// A file that only this call has made, and that is not needed.
+    /// Nothing has come, so there is nothing to go on from.
     fn discard_if_empty(&self) {
-        if self.length == 0 {
+        // A write that failed may have put bytes there that `length` does not count.
+        if self.file.metadata().is_ok_and(|file| file.len() == 0) {
             let _ = std::fs::remove_file(&self.path);
         }
     }
