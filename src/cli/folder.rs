@@ -4,9 +4,14 @@ use std::path::{Path, PathBuf};
 
 use super::{Context, Exit, Failure, Hint};
 
+/// A run's recording, in its folder.
+const RECORDING: &str = "run.mcap";
+
 /// A recording's own folder.
 pub(super) struct RunFolder {
     pub(super) path: PathBuf,
+    /// The recording's name in it.
+    name: &'static str,
     /// The folders that were created, the innermost first.
     made: Vec<PathBuf>,
 }
@@ -18,21 +23,29 @@ impl RunFolder {
         let sign = |sign: char| if sign.is_alphanumeric() || sign == '-' { sign } else { '_' };
         let plain: String = mission.chars().map(sign).collect();
         let candidate = |number| numbered(&Path::new("onbrick-runs").join(&plain), number);
-        Self::make(out, candidate)
+        Self::make(out, RECORDING, candidate)
     }
 
     /// The folder that a person names, or the next free one of the demo's: `onbrick-demo`,
     /// `onbrick-demo-2` and so on.
     #[cfg(feature = "host")]
     pub(super) fn of_demo(out: Option<&Path>) -> Result<Self, Failure> {
-        Self::make(out, |number| match number {
-            1 => PathBuf::from("onbrick-demo"),
-            _ => numbered(Path::new("onbrick-demo"), number),
-        })
+        Self::make(out, RECORDING, |number| first_plain("onbrick-demo", number))
+    }
+
+    /// The folder that a person names, or the next free one of teams: `onbrick-team`,
+    /// `onbrick-team-2` and so on.
+    #[cfg(feature = "host")]
+    pub(super) fn of_team(out: Option<&Path>) -> Result<Self, Failure> {
+        Self::make(out, "team.mcap", |number| first_plain("onbrick-team", number))
     }
 
     /// Creates the folder if missing; never overwrites a recording.
-    fn make(out: Option<&Path>, candidate: impl Fn(u32) -> PathBuf) -> Result<Self, Failure> {
+    fn make(
+        out: Option<&Path>,
+        name: &'static str,
+        candidate: impl Fn(u32) -> PathBuf,
+    ) -> Result<Self, Failure> {
         let next_free = || (1..).map(candidate).find(|folder| !folder.exists()).unwrap_or_default();
         let folder = out.map_or_else(next_free, Path::to_owned);
         let named = folder.ancestors().filter(|folder| !folder.as_os_str().is_empty());
@@ -41,7 +54,7 @@ impl RunFolder {
         let path = path
             .context(Exit::Refused, format_args!("cannot make {}", folder.display()))
             .hint("--out with a folder that can be written to")?;
-        let run_folder = Self { path, made };
+        let run_folder = Self { path, name, made };
         let file = run_folder.file();
         if file.exists() {
             return Err(Failure::refused(format!("{} is there already", file.display()))
@@ -52,7 +65,7 @@ impl RunFolder {
 
     /// Where the recording goes.
     pub(super) fn file(&self) -> PathBuf {
-        self.path.join("run.mcap")
+        self.path.join(self.name)
     }
 
     /// A run that was refused leaves no empty folder. One that is not empty stays.
@@ -69,8 +82,34 @@ pub(super) fn next_to(path: &Path) -> PathBuf {
     (2..).map(|number| numbered(path, number)).find(|path| !path.exists()).unwrap_or_default()
 }
 
+#[cfg(feature = "host")]
+fn first_plain(name: &str, number: u32) -> PathBuf {
+    if number == 1 { name.into() } else { numbered(Path::new(name), number) }
+}
+
 fn numbered(path: &Path, number: u32) -> PathBuf {
     let mut numbered = path.as_os_str().to_owned();
     numbered.push(format!("-{number}"));
     numbered.into()
+}
+
+#[cfg(all(test, feature = "host"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_run_without_a_name_gets_a_folder_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let team = folder.path().join("team");
+        let make = || {
+            RunFolder::make(None, "team.mcap", |number| first_plain(team.to_str().unwrap(), number))
+        };
+        for name in ["team", "team-2", "team-3"] {
+            let made = make().unwrap();
+            assert_eq!(made.path, folder.path().canonicalize().unwrap().join(name));
+            std::fs::write(made.file(), "").unwrap();
+        }
+        let refused = RunFolder::of_team(Some(&team)).err().unwrap();
+        assert!(refused.message.ends_with("team/team.mcap is there already"), "{refused:?}");
+    }
 }

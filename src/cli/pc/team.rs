@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 use super::remote::{Asking, How, PATIENCES_S};
 use super::start;
 use crate::behavior::Capabilities;
-use crate::cli::common::{load_mission, make_folder, number_within, setting};
-use crate::cli::{Exit, Failure, Hint, Output};
+use crate::cli::common::{load_mission, number_within, setting};
+use crate::cli::folder::RunFolder;
+use crate::cli::{Exit, Failure, Output};
 use crate::link::Team;
 use crate::protocol::Chosen;
 use crate::runtime::Source;
@@ -41,9 +42,10 @@ pub(in crate::cli) struct Arguments {
     /// The mission, if not the file's: one that every brick has, or a file of yours (a path with a
     /// / or the ending .toml).
     mission: Option<PathBuf>,
-    /// The folder for the recordings, map.svg, map.png, points.csv, path.csv and team.mcap.
-    #[arg(short, long, value_name = "DIR", default_value = "onbrick-team")]
-    out: PathBuf,
+    /// The folder for the recordings, map.svg, map.png, points.csv, path.csv and team.mcap; without
+    /// it onbrick-team, or the next free one, onbrick-team-2.
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
     /// Give one of the mission's own numbers another value; can be repeated.
     #[arg(long, value_parser = setting, value_name = "NAME=VALUE")]
     set: Vec<(String, f64)>,
@@ -91,19 +93,19 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let checked = check::all(&asking, Some(&wanted));
     check::show(&checked, output);
     check::verdict(&checked)?;
-    make_folder(Exit::Refused, &arguments.out)
-        .hint("--out with a folder that can be written to")?;
+    let folder = RunFolder::of_team(arguments.out.as_deref())?;
     let plan = Plan {
         team: &team,
         asking: &asking,
         wanted: &wanted,
         set: &arguments.set,
-        out: &arguments.out,
+        out: &folder.path,
         lost_s: arguments.lost,
     };
-    let came = drive::all(&plan, output)?;
+    let came = drive::all(&plan, output).inspect_err(|_| folder.take_back())?;
     gather::report(&came, output);
     let gathered = gather::merge(&plan, &came, output);
+    folder.take_back();
     gather::verdict(&came).and(gathered)
 }
 

@@ -442,6 +442,13 @@ fn a_teams_file_with_mistakes_is_refused_with_their_places_and_its_bricks_are_me
             .contains("blue: nothing was running")
     );
     team.said(&team.pc(&["stop", "blue", "--team", "team.toml"]), 2);
+    // The map of an earlier run stays.
+    std::fs::create_dir(team.path("monday")).unwrap();
+    std::fs::write(team.path("monday/team.mcap"), "earlier").unwrap();
+    let said = team.said(&team.pc(&["team", "team.toml", "--out", "monday"]), 3);
+    assert!(said.contains("monday/team.mcap is there already"), "{said}");
+    assert!(said.contains("another folder for --out"), "{said}");
+    assert!(text(&team.pc(&["runs", "blue"]).stdout).is_empty(), "nothing was started");
     let file =
         text(&std::fs::read(team.path("team.toml")).unwrap()).replace("mission = \"map\"\n", "");
     std::fs::write(team.path("team.toml"), file).unwrap();
