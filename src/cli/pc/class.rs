@@ -10,7 +10,8 @@
 //! server is that of the live page ([`crate::page`]), and one brick's picture is the live page's
 //! ([`crate::report::live`]).
 
-use std::path::PathBuf;
+use std::fs::{File, TryLockError};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
@@ -62,13 +63,15 @@ const MOST_POSTED: u64 = 256 << 10;
 /// How often it is looked whether the page is done with, nanoseconds.
 const LOOK_NS: i64 = 50 * MILLISECOND_NS;
 
+const WRITABLE: &str = "--folder with a folder that can be written to";
+
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let keys = arguments.keys.path()?;
     let own = arguments.keys.own()?;
     let known = KnownBricks::load(&keys)?;
     let flags = stop_flags()?;
-    make_folder(Exit::Refused, &arguments.folder)
-        .hint("--folder with a folder that can be written to")?;
+    make_folder(Exit::Refused, &arguments.folder).hint(WRITABLE)?;
+    let _held = hold(&arguments.folder)?;
     let token = token().context(Exit::Failed, "no random numbers for the page's address")?;
     let hall = Arc::new(Hall::new(&arguments.folder, &keys, own));
     known.iter().for_each(|brick| hall.admit(brick));
@@ -89,4 +92,22 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     hall.end();
     Ok(())
+}
+
+/// Keeps the folder for this page until the process ends: two pages would fetch the same
+/// recordings and save the same missions.
+fn hold(folder: &Path) -> Result<File, Failure> {
+    let path = folder.join("class.lock");
+    let doing = format!("cannot lock {}", path.display());
+    let file = File::options().create(true).append(true).open(&path);
+    let file = file.context(Exit::Refused, &doing).hint(WRITABLE)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(Failure::refused(format!(
+            "another onbrick class uses the folder {}",
+            folder.display()
+        ))
+        .hint("its page; Ctrl-C in its terminal ends it; or --folder with another folder")),
+        Err(TryLockError::Error(error)) => Err(error).context(Exit::Refused, &doing).hint(WRITABLE),
+    }
 }

@@ -130,6 +130,16 @@ fn without_the_token_and_its_own_page_nothing_is_shown_and_nothing_done() {
     KnownBricks::load(&keys).unwrap().put(&brick, None).unwrap();
     let class = Class::new(folder);
     assert!(class.url.starts_with("http://127.0.0.1:"), "{}", class.url);
+    let second = onbrick()
+        .args(["class", "--folder", "monday", "--keys"])
+        .arg(Class::keys(class.folder.path()))
+        .current_dir(class.folder.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&second.stderr);
+    assert_eq!(second.status.code(), Some(3), "{said}");
+    assert!(said.contains("another onbrick class uses the folder monday"), "{said}");
+    assert!(said.contains("--folder with another folder"), "{said}");
     until("the brick is heard", || (class.state()["bricks"][0]["state"] == "ready").then_some(()));
     const HOST: &str = "Host: localhost\r\n";
     const OWN: &str = "Host: localhost\r\nX-Onbrick: 1\r\n";
