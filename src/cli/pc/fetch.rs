@@ -9,7 +9,7 @@ use crate::cli::output::safe;
 use crate::cli::{Exit, Failure, Output};
 use crate::link::client::{MOST_BYTES, file_so_far};
 use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
-use crate::protocol::RunId;
+use crate::protocol::{RunId, RunInfo};
 use crate::report::live::{Board, Sources};
 use crate::units::counted;
 
@@ -38,7 +38,8 @@ pub(in crate::cli) struct Arguments {
     /// Take at most this many megabytes of a brick.
     #[arg(long, value_name = "MB", default_value_t = MOST_BYTES >> 20)]
     most_mb: u64,
-    /// Show the map as it grows: a page for a browser on this machine, and a progress line.
+    /// Show the map of a run in progress as it grows: a page for a browser on this machine, and a
+    /// progress line.
     #[arg(long)]
     follow: bool,
     /// The page's port; 0 for any that is free.
@@ -117,8 +118,16 @@ fn runs(client: &mut Client, arguments: &Arguments) -> Result<Vec<RunId>, Client
     if let Some(run) = &arguments.run {
         return Ok(vec![run.clone()]);
     }
-    let there = client.runs()?.runs.into_iter().map(|info| info.run);
-    Ok(if arguments.all { there.collect() } else { there.take(1).collect() })
+    Ok(chosen(&client.runs()?.runs, arguments))
+}
+
+/// The runs that are meant, of those on a brick.
+fn chosen(there: &[RunInfo], arguments: &Arguments) -> Vec<RunId> {
+    if let Some(run) = &arguments.run {
+        return vec![run.clone()];
+    }
+    let most = if arguments.all { there.len() } else { 1 };
+    there.iter().take(most).map(|info| info.run.clone()).collect()
 }
 
 fn bring(
@@ -158,7 +167,8 @@ fn follow(
 ) -> Result<(), Failure> {
     let failed = |error: ClientError| named(brick, failure(brick, &error));
     let mut client = asking.client(brick).map_err(failed)?;
-    let found = runs(&mut client, arguments).map_err(failed)?;
+    let there = client.runs().map_err(failed)?.runs;
+    let found = chosen(&there, arguments);
     let [run] = found.as_slice() else {
         return Err(Failure::refused(format!("{}: one run can be followed at a time", brick.name))
             .hint("onbrick runs, then --run RUN"));
@@ -167,9 +177,16 @@ fn follow(
     let title = format!("{}: {run}", brick.name);
     let board = Board::default();
     board.show(Sources { title, recording, ..Sources::default() });
-    let page = board.serve(arguments.page, &[], |_| ())?;
-    output
-        .show(format!("the map is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
+    // The page lives no longer than the fetch, which for a run that is over is a moment.
+    let is_over = there.iter().any(|info| info.run == *run && !info.going_on);
+    let page = (!is_over).then(|| board.serve(arguments.page, &[], |_| ())).transpose()?;
+    match &page {
+        Some(page) => output.show(
+            format!("the map is at {}", page.url()),
+            &serde_json::json!({ "page": page.url() }),
+        ),
+        None => output.line(format!("{}: {run} is over; its map grows no more", brick.name)),
+    }
     let watch = Watch::of(run);
     let brought = std::thread::scope(|scope| {
         scope.spawn(|| watch.look(asking, brick));

@@ -90,6 +90,9 @@ fn from_pairing_to_the_map() {
     let recording = Run::open(&file).unwrap();
     assert_eq!(recording.info.unwrap().mission, "map");
     service.says(&["fetch", "sim"], "was there already");
+    let followed = service.says(&["fetch", "sim", "--follow"], "was there already");
+    assert!(followed.contains(&format!("{run} is over")), "{followed}");
+    assert!(!followed.contains("http://"), "a page that is gone at once: {followed}");
     service.says(&["runs", "sim"], "fetched");
     service.done(&["plot", &file.display().to_string(), "-o", "map.svg"]);
 }
