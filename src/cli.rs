@@ -158,11 +158,16 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 }
 
 /// The command line. What a command is for is one paragraph in a list: its lines in the source are
-/// not those of the terminal.
+/// not those of the terminal. A number below zero is an option's value: its limits refuse it, not
+/// clap as an unknown argument.
 fn described() -> clap::Command {
     fn flowing(command: clap::Command) -> clap::Command {
         let about = command.get_about().map(|about| about.to_string().replace('\n', " "));
-        command.about(about.unwrap_or_default()).mut_subcommands(flowing)
+        let command = command.about(about.unwrap_or_default()).mut_args(|argument| {
+            let has_value = argument.get_action().takes_values() && !argument.is_positional();
+            argument.allow_negative_numbers(has_value)
+        });
+        command.mut_subcommands(flowing)
     }
     Arguments::command().mut_subcommands(flowing)
 }
