@@ -170,6 +170,18 @@ struct Bounds {
 }
 
 impl Scene {
+    /// True where a picture has nothing but its axes.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        let Self { title: _, tracks, walls, outlines, blocks, edges, marks } = self;
+        let is_bare = |track: &Track| {
+            track.path.is_empty() && track.truth.is_empty() && track.points.is_empty()
+        };
+        tracks.iter().all(is_bare)
+            && [outlines, blocks, edges].iter().all(|lines| lines.is_empty())
+            && (walls.is_empty() && marks.is_empty())
+    }
+
     /// Finds the walls that the points of all tracks make, in the frame that the tracks are in;
     /// those of a track that is apart by themselves.
     pub fn find_walls(&mut self) {

@@ -7,9 +7,11 @@ use clap::ValueEnum as _;
 use super::scene::scene_of;
 use crate::cli::common::{LoadedRun, open_run, write_file};
 use crate::cli::{Exit, Failure, Output};
+use crate::recording::Integrity;
 use crate::report::chart::Chart;
 use crate::report::timeline::Timeline;
 use crate::report::{PlotError, Scene, export, plot};
+use crate::units::counted;
 
 /// Draw one or several runs as a map: paths and points, and what is known of the room; or one run's
 /// signals over time.
@@ -42,13 +44,32 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let kind = Kind::of(&arguments.output)?;
     let runs = arguments.runs.iter().map(|path| open_run(path)).collect::<Result<Vec<_>, _>>()?;
     let bytes = match &arguments.signals[..] {
-        [] => map(kind, &scene_of(&runs, arguments.title.as_deref())),
+        [] => {
+            let scene = scene_of(&runs, arguments.title.as_deref());
+            if scene.is_empty() {
+                return Err(nothing_to_draw(&runs));
+            }
+            map(kind, &scene)
+        }
         names => chart(kind, &runs, names, arguments.title.as_deref())?,
     };
     let bytes = bytes.map_err(|error| Failure::from_error(Exit::Failed, "cannot draw", &error))?;
     write_file(&arguments.output, &bytes)?;
     output.wrote(&arguments.output);
     Ok(())
+}
+
+fn nothing_to_draw(runs: &[LoadedRun]) -> Failure {
+    let readable = |loaded: &LoadedRun| {
+        let Integrity { bytes, messages, .. } = &loaded.run.integrity;
+        let (bytes, messages) = (counted(*bytes, "byte"), counted(*messages, "message"));
+        format!("{messages} in the {bytes} of {}", loaded.name)
+    };
+    let readable = runs.iter().map(readable).collect::<Vec<_>>().join(", ");
+    Failure::refused(format!(
+        "nothing to draw, neither path nor points; what can be read: {readable}"
+    ))
+    .hint("onbrick fetch, which resumes where it was cut; or another recording")
 }
 
 fn map(kind: Kind, scene: &Scene) -> Result<Vec<u8>, PlotError> {
