@@ -20,6 +20,7 @@
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
+use std::path::Path;
 
 /// How a text is laid out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -152,6 +153,16 @@ fn is_in_table(letter: char) -> bool {
     let length = 1 + letter.encode_utf8(rest).len();
     let behind_a_letter = bytes.get(..length).and_then(|bytes| std::str::from_utf8(bytes).ok());
     behind_a_letter.is_some_and(|text| text.escape_debug().eq(text.chars()))
+}
+
+/// A path as a command in a hint has it, to be copied: in quotes where a shell would split it.
+#[must_use]
+pub fn in_shell(path: &Path) -> String {
+    let text = path.display().to_string();
+    if text.chars().all(|letter| letter.is_alphanumeric() || "/._-+,:@%".contains(letter)) {
+        return text;
+    }
+    format!("'{}'", text.replace('\'', r"'\''"))
 }
 
 /// An error and all its causes, in one text.

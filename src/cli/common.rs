@@ -274,15 +274,6 @@ pub(super) fn read_run(path: &Path) -> Result<LoadedRun, Failure> {
     })
 }
 
-/// A path as a command in a hint has it, to be copied: in quotes where a shell would split it.
-pub(super) fn in_shell(path: &Path) -> String {
-    let text = path.display().to_string();
-    if text.chars().all(|letter| letter.is_alphanumeric() || "/._-+,:@%".contains(letter)) {
-        return text;
-    }
-    format!("'{}'", text.replace('\'', r"'\''"))
-}
-
 /// Refuses to write over a file that is there.
 pub(super) fn must_be_new(path: &Path) -> Result<(), Failure> {
     if path.exists() {

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use super::Hint as _;
 use super::brick::{MissionBrick, brick_is_there};
 use super::common::{
-    chosen_robot, in_shell, load_mission, load_robot, number_within, own_program, pose,
-    read_mission, setting, stamps_ns, warn,
+    chosen_robot, load_mission, load_robot, number_within, own_program, pose, read_mission,
+    setting, stamps_ns, warn,
 };
 use super::folder::RunFolder;
 use super::happenings::Happenings;
@@ -20,6 +20,7 @@ use crate::ev3dev::Tree;
 #[cfg(feature = "sim")]
 use crate::mapping::Method;
 use crate::mapping::Pose;
+use crate::printable::in_shell;
 use crate::robot::RobotConfig;
 use crate::runtime::{Brick, Ended, Event, Job, RunError, RunProcess, StopBy, Stopper};
 use crate::units::radians;

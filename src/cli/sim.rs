@@ -10,11 +10,12 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::common::{chosen_robot, in_shell, load_robot, load_world, read_own, warn, write_file};
+use super::common::{chosen_robot, load_robot, load_world, read_own, warn, write_file};
 use super::terminal::stop_flags;
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::ev3dev::{EV3, PLATFORMS, Platform};
+use crate::printable::in_shell;
 use crate::sim::{
     Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, Options, Order,
     Scenario, Simulation, WorldPhysics, still,

@@ -8,12 +8,13 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
-use crate::cli::common::{in_shell, number_within, read_bounded, warn};
+use crate::cli::common::{number_within, read_bounded, warn};
 use crate::cli::key::Folder;
 use crate::cli::{Exit, Failure, Output};
 use crate::document::nearest;
 use crate::link::client::PATIENCE_S;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, KnownBricks, Patience, Team};
+use crate::printable::in_shell;
 use crate::protocol::{Kind, Refusal};
 use crate::units::counted;
 

@@ -13,6 +13,7 @@ use nix::mount::{MntFlags, umount2};
 use nix::unistd::geteuid;
 
 use super::Found;
+use crate::printable::in_shell;
 
 /// What the machine's table of mounts calls ours.
 pub(super) const SOURCE: &str = "onbrick-sim";
@@ -89,7 +90,7 @@ impl MountError {
     pub fn hint(&self) -> String {
         let hint = match self {
             Self::Unfit { point, why: Unfit::Busy(_) | Unfit::Stale } => {
-                return format!("another folder, or: umount {}", point.display());
+                return format!("another folder, or: umount {}", in_shell(point));
             }
             Self::Unfit { .. } => "an empty folder of your own",
             Self::NoFuse(Remedy::NoDevice) => {
@@ -267,6 +268,13 @@ fn unescape(field: &[u8]) -> OsString {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_command_in_a_hint_can_be_copied() {
+        let why = Unfit::Busy(SOURCE.to_owned());
+        let error = MountError::Unfit { point: "/tmp/my brick".into(), why };
+        assert_eq!(error.hint(), "another folder, or: umount '/tmp/my brick'");
+    }
 
     #[test]
     fn a_line_of_the_table_of_mounts_gives_number_kind_and_source() {
