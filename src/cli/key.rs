@@ -213,6 +213,8 @@ fn show(key: &PublicKey, output: &mut Output) {
 const AS_THE_SERVICE: &str =
     "as the user whose folder it is; on a brick: sudo -u onbrick onbrick key …";
 
+const ANOTHER_FOLDER: &str = "--keys or ONBRICK_KEYS with a folder that can be written to";
+
 /// A folder of keys that cannot be used.
 impl From<KeyError> for Failure {
     fn from(error: KeyError) -> Self {
@@ -225,8 +227,9 @@ impl From<KeyError> for Failure {
                  this machine again",
             ),
             KeyError::Io { source, .. } if source.kind() == ErrorKind::PermissionDenied => {
-                refused.hint(AS_THE_SERVICE)
+                refused.hint(format!("{AS_THE_SERVICE}; or {ANOTHER_FOLDER}"))
             }
+            KeyError::Io { .. } => refused.hint(ANOTHER_FOLDER),
             KeyError::AnotherKey { .. } => refused.hint(
                 "--replace, if it was set up again; or give one of the two another name: `name` in \
                  its onbrick.toml",

@@ -48,6 +48,7 @@ fn what_is_not_there_has_a_way_out() {
         (&["menu", "--config", "none"], "--config with the folder of a service"),
         (&["run", "square", "--sim", "open", &page], "another port for --page"),
         (&["class", "--keys", "keys", &page], "another port for --page"),
+        (&["key", "new", "--keys", "/proc/nowhere"], "--keys or ONBRICK_KEYS with a folder"),
     ] {
         let output = onbrick(folder.path(), arguments).output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr);
