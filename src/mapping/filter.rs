@@ -52,8 +52,9 @@ const WHEEL_SCALE: f32 = 0.01;
 const START_M2: f32 = 1e-8;
 const START_RAD2: f32 = 1e-6;
 
-/// Variance of a place after a metre, m².
-const WAY_M2_M: f64 = 1e-4;
+/// Variance of a metre's way, along it, m²: the mean of two wheels that are each right to 1 cm
+/// (`uncertainty`). What lies beside the way comes from the heading.
+const WAY_M2_M: f64 = 5e-5;
 /// Variance of the heading after a radian of turn, rad²: 0.2°, the gyro's scale left out.
 const TURN_RAD2_RAD: f64 = 1e-5;
 /// The same after a second: 0.04°, after a minute 0.3°.
@@ -71,7 +72,7 @@ pub(super) type Jacobian = [[f32; 6]; 2];
 pub(super) type Symmetric = [f32; 3];
 
 /// What moved the pose since the covariance was brought up to date: the derivatives of the pose by
-/// what it was and by the scales, and the variance that came with the way.
+/// what it was and by the scales, and the covariance that came with the way.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 struct Passed {
     /// Of x and y by heading, gyro scale, wheel scale.
@@ -81,8 +82,8 @@ struct Passed {
     turned_rad: f64,
     /// How long the gyro's bias was in the turn.
     biased_s: f64,
-    way_m2: f64,
-    turn_rad2: f64,
+    /// Covariances that came with the way: xx, xy, xh, yy, yh, hh.
+    noise: [f64; 6],
 }
 
 /// A step of odometry, in the body's frame.
@@ -194,13 +195,25 @@ impl Filter {
             passed.by_bias[1] -= x_m * passed.biased_s;
             self.pose.x_m += x_m * (1.0 + wheel_scale);
             self.pose.y_m += y_m * (1.0 + wheel_scale);
-            passed.way_m2 += WAY_M2_M * (step.forward_m.abs() + step.left_m.abs());
+            let [xx, xy, xh, yy, yh, hh] = passed.noise;
+            let (xh_after, yh_after) = (xh - y_m * hh, yh + x_m * hh);
+            let way_m2 = WAY_M2_M * step.forward_m.abs();
+            passed.noise = [
+                xx - y_m * (xh + xh_after) + way_m2 * cos * cos,
+                xy - y_m * yh + x_m * xh_after + way_m2 * cos * sin,
+                xh_after,
+                yy + x_m * (yh + yh_after) + way_m2 * sin * sin,
+                yh_after,
+                hh,
+            ];
         }
-        passed.way_m2 += step.slip_m * step.slip_m;
+        let slip_m2 = step.slip_m * step.slip_m;
+        passed.noise[0] += slip_m2;
+        passed.noise[3] += slip_m2;
         self.pose.heading_rad += step.turn_rad * (1.0 + gyro_scale);
         passed.turned_rad += step.turn_rad;
         passed.biased_s += if step.by_gyro { step.passed_s } else { 0.0 };
-        passed.turn_rad2 += TURN_RAD2_RAD * step.turn_rad.abs() + TIME_RAD2_S * step.passed_s;
+        passed.noise[5] += TURN_RAD2_RAD * step.turn_rad.abs() + TIME_RAD2_S * step.passed_s;
     }
 
     /// Brings the covariances up to the pose: P' = A P Aᵀ + Q. Only the pose's rows change.
@@ -226,7 +239,7 @@ impl Filter {
         let noise = passed.noise();
         for (row, (half, noise)) in half.iter().zip(noise).enumerate() {
             for (column, by) in moved.iter().enumerate().take(row + 1) {
-                let noise = if row == column { noise } else { 0.0 };
+                let noise = noise.get(column).copied().unwrap_or(0.0);
                 self.set(row, column, dot(by, half) + noise);
             }
         }
@@ -407,8 +420,11 @@ impl Passed {
         [x, y, -self.biased_s].map(single)
     }
 
-    fn noise(&self) -> [f32; OWN] {
-        [self.way_m2, self.way_m2, self.turn_rad2, 0.0, 0.0].map(single)
+    /// The rows of what came with the way, up to the diagonal.
+    fn noise(&self) -> [[f32; POSE]; OWN] {
+        let [xx, xy, xh, yy, yh, hh] = self.noise.map(single);
+        let none = [0.0; POSE];
+        [[xx, 0.0, 0.0], [xy, yy, 0.0], [xh, yh, hh], none, none]
     }
 }
 
@@ -535,8 +551,7 @@ mod tests {
         for (at, [row, column]) in
             [[0, 0], [0, 3], [0, 5], [3, 3], [3, 5], [5, 5]].iter().enumerate()
         {
-            // What the heading's own noise adds to the place in between is left out.
-            let most = 0.05 * libm::sqrt(one[*row] * one[*column]);
+            let most = 1e-3 * libm::sqrt(one[*row] * one[*column]);
             assert!((one[at] - other[at]).abs() < most, "{one:?} {other:?}");
         }
         assert_eq!(one_by_one.pose, together.pose);

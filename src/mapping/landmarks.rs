@@ -52,19 +52,21 @@ use super::filter::{Filter, Jacobian, LANDMARKS, Symmetric, inverse, single};
 use super::sweep::Foot;
 use crate::units::wrap_rad;
 
-/// Standard deviations of a foot's bearing, 7.5°, and distance. A range is known to half a
-/// centimetre; with that, wrong matches of a landmark lead the pose astray, and with this they do
-/// not.
-const BEARING_RAD: f32 = 0.13;
-const DISTANCE_M: f32 = 0.04;
+/// Standard deviations of a foot's bearing, 10°, and distance.
+const BEARING_RAD: f32 = 0.18;
+const DISTANCE_M: f32 = 0.015;
+/// So much of a distance's innovation may be an error that the deviation knows nothing of: sound
+/// that went round, another wall. That is Cauchy's weight for errors beyond three deviations.
+const DOUBTED: f32 = 0.33;
 /// A foot narrower than this says nothing certain of the pose, radians: 22°.
 const NARROWEST_RAD: f64 = 0.38;
 /// Squared Mahalanobis distances of two numbers: a foot that is nearer than the first is of the
-/// landmark (97 %), one that is farther than the second from all is of a new one.
-const SAME: f32 = 7.0;
+/// landmark (92 %), one that is farther than the second from all is of a new one.
+const SAME: f32 = 5.0;
 const OTHER: f32 = 25.0;
-/// A foot farther than this from a landmark's known extent is not of it, metres.
-const NEAR_M: f64 = 0.3;
+/// A foot farther than this from a landmark's known extent is not of it, metres: as far as a robot
+/// drives along a wall between two sweeps of its head.
+const NEAR_M: f64 = 0.6;
 /// A wall's direction is not off by more than this, radians: 25°.
 const TURNED_RAD: f64 = 0.436;
 /// A point nearer than this to the sensor has no bearing, metres.
@@ -210,7 +212,10 @@ impl Landmarks {
 
     fn observe(&mut self, best: &Match, seen: &Seen, time_ns: i64) {
         if best.kind == Kind::Wall {
-            self.filter.observe(best.index, best.innovation, &best.by, best.covariance);
+            let [bearing, mixed, distance] = best.covariance;
+            let doubted_m = DOUBTED * best.innovation[1];
+            let covariance = [bearing, mixed, distance + doubted_m * doubted_m];
+            self.filter.observe(best.index, best.innovation, &best.by, covariance);
         }
         let [x_m, y_m, direction_rad] = self.filter.landmark(best.index);
         if let Some(known) = self.known.get_mut(best.index) {

@@ -115,9 +115,6 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 }
 
 fn runs(client: &mut Client, arguments: &Arguments) -> Result<Vec<RunId>, ClientError> {
-    if let Some(run) = &arguments.run {
-        return Ok(vec![run.clone()]);
-    }
     Ok(chosen(&client.runs()?.runs, arguments))
 }
 
