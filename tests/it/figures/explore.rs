@@ -300,8 +300,8 @@ fn figures_of_explore() {
     // One run in ten has one: of the four in a world, that is chance.
     assert!(4 * collisions <= runs, "{collisions} collisions in {runs} runs");
     let [placed, moved, standing] = near;
-    // Of 238 runs keyframes make 137 better and 56 worse, by 1.1 % in the mean: over the worlds that
-    // is 0.08, and of two runs each its standard deviation is 0.06.
+    // Of 238 runs keyframes make 137 better and 56 worse, by 1.1 % in the mean: over the worlds
+    // that is 0.08, and of two runs each its standard deviation is 0.06.
     let chance = if is_long { 0.0 } else { 0.05 };
     assert!(moved > placed - chance, "keyframes make maps worse: {near:?}, sums over the worlds");
     assert!(standing > moved + 0.15, "what is left out stands: {near:?}, sums over the worlds");
