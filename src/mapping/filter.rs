@@ -29,6 +29,7 @@ use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
 use super::Pose;
+use super::uncertainty::{self, Covariance};
 
 /// Landmarks at most. Rooms of 5 m have 10 to 24 feet; with more the cost grows with the square.
 pub(super) const LANDMARKS: usize = 20;
@@ -82,8 +83,8 @@ struct Passed {
     turned_rad: f64,
     /// How long the gyro's bias was in the turn.
     biased_s: f64,
-    /// Covariances that came with the way: xx, xy, xh, yy, yh, hh.
-    noise: [f64; 6],
+    /// What came with the way.
+    noise: Covariance,
 }
 
 /// A step of odometry, in the body's frame.
@@ -195,17 +196,8 @@ impl Filter {
             passed.by_bias[1] -= x_m * passed.biased_s;
             self.pose.x_m += x_m * (1.0 + wheel_scale);
             self.pose.y_m += y_m * (1.0 + wheel_scale);
-            let [xx, xy, xh, yy, yh, hh] = passed.noise;
-            let (xh_after, yh_after) = (xh - y_m * hh, yh + x_m * hh);
             let way_m2 = WAY_M2_M * step.forward_m.abs();
-            passed.noise = [
-                xx - y_m * (xh + xh_after) + way_m2 * cos * cos,
-                xy - y_m * yh + x_m * xh_after + way_m2 * cos * sin,
-                xh_after,
-                yy + x_m * (yh + yh_after) + way_m2 * sin * sin,
-                yh_after,
-                hh,
-            ];
+            passed.noise = uncertainty::moved(passed.noise, [x_m, y_m], [cos, sin], way_m2);
         }
         let slip_m2 = step.slip_m * step.slip_m;
         passed.noise[0] += slip_m2;

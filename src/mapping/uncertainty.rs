@@ -50,32 +50,44 @@ pub(super) fn at_start() -> Covariance {
 
 /// The covariance after a step.
 pub(super) fn propagated(before: Covariance, step: &Step) -> Covariance {
-    let [xx, xy, xh, yy, yh, hh] = before;
     let [cos, sin] = step.direction;
-    let (along, across) = (-step.forward_m * sin, step.forward_m * cos);
     let wheels_m2 = WHEEL_M2_M * step.wheels_m;
-    let way_m2 = wheels_m2 / 4.0;
     let slip_m2 = step.slip_m * step.slip_m;
     let turn_rad2 = if step.by_gyro {
         GYRO_RAD2_RAD * step.turn_rad.abs() + GYRO_RAD2_S * step.passed_s
     } else {
         wheels_m2 * (step.per_track_width_m * step.per_track_width_m)
     };
-    // The covariances with the heading come first: the others are made of both theirs, from before
-    // and after.
-    let (xh_after, yh_after) = (xh + along * hh, yh + across * hh);
-    let (way_x, way_y) = (cos * way_m2, sin * way_m2);
-    let after = [
-        xx + along * (xh + xh_after) + (cos * way_x + slip_m2),
-        xy + along * yh + across * xh_after + cos * way_y,
-        xh_after,
-        yy + across * (yh + yh_after) + (sin * way_y + slip_m2),
-        yh_after,
-        hh + turn_rad2,
-    ];
+    let way_m = [step.forward_m * cos, step.forward_m * sin];
+    let mut after = moved(before, way_m, step.direction, wheels_m2 / 4.0);
+    after[0] += slip_m2;
+    after[3] += slip_m2;
+    after[5] += turn_rad2;
     // A covariance is never greater than its two variances.
     let [xx, _, _, yy, _, hh] = after;
     if xx <= LIMIT && yy <= LIMIT && hh <= LIMIT { after } else { before }
+}
+
+/// The covariance once the place has moved: an error of the heading has moved it aside, and the way
+/// has a variance of its own along its direction.
+pub(super) fn moved(
+    [xx, xy, xh, yy, yh, hh]: Covariance,
+    [x_m, y_m]: [f64; 2],
+    [cos, sin]: [f64; 2],
+    way_m2: f64,
+) -> Covariance {
+    // The covariances with the heading come first: the others are made of both theirs, from before
+    // and after.
+    let (xh_after, yh_after) = (xh - y_m * hh, yh + x_m * hh);
+    let (way_x, way_y) = (cos * way_m2, sin * way_m2);
+    [
+        xx - y_m * (xh + xh_after) + cos * way_x,
+        xy - y_m * yh + x_m * xh_after + cos * way_y,
+        xh_after,
+        yy + x_m * (yh + yh_after) + sin * way_y,
+        yh_after,
+        hh,
+    ]
 }
 
 /// The way of a wheel in the degree that its encoder counts by, metres: LEGO's wheel of 56 mm.

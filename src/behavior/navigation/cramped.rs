@@ -40,8 +40,7 @@ impl NavigationState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::behavior::motion::{At, MotionLimits};
-    use crate::behavior::navigation::{Goal, KEEP_M, Order};
+    use crate::behavior::motion::MotionLimits;
     use crate::behavior::signals::Signals;
     use crate::planning::Plan;
     use crate::units::radians;
@@ -49,16 +48,8 @@ mod tests {
     #[test]
     fn a_robot_goes_one_way_past_what_it_touches_though_its_way_lies_square_beside_it() {
         // Once it crept to and fro for a minute, by a centimetre.
-        let goal = Goal::Explore { within_m: 9.0 };
-        let tick = Tick {
-            keep_m: KEEP_M,
-            first_rad: 0.0,
-            order: Order { goal, keep_m: KEEP_M, speed_m_s: None, turn_rad_s: None },
-            at: At { x_m: 0.0, y_m: 0.0, heading_rad: 0.0 },
-            signals: &Signals::default(),
-            limits: &MotionLimits::default(),
-            step_s: 1.0,
-        };
+        let (signals, limits) = (Signals::default(), MotionLimits::default());
+        let tick = Tick::exploring(&signals, &limits);
         let mut state = NavigationState { plan: Plan::cramped(), ..NavigationState::default() };
         let ways = [89.0, 91.0, -95.0, 10.0, 91.0, 89.0].map(|bearing_deg| {
             match state.get_out(&tick, radians(bearing_deg)) {

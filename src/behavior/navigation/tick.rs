@@ -85,9 +85,26 @@ impl Tick<'_> {
 }
 
 #[cfg(test)]
+impl<'t> Tick<'t> {
+    /// A robot at the origin that explores.
+    pub(super) fn exploring(signals: &'t Signals, limits: &'t MotionLimits) -> Self {
+        let goal = super::Goal::Explore { within_m: 9.0 };
+        let keep_m = super::KEEP_M;
+        Self {
+            keep_m,
+            first_rad: 0.0,
+            order: Order { goal, keep_m, speed_m_s: None, turn_rad_s: None },
+            at: At { x_m: 0.0, y_m: 0.0, heading_rad: 0.0 },
+            signals,
+            limits,
+            step_s: 1.0,
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
-    use crate::behavior::navigation::{Goal, KEEP_M};
     use crate::units::radians;
 
     #[test]
@@ -96,16 +113,8 @@ mod tests {
             let mut signals = Signals::at(0);
             signals.set(Signal::Sensed(Channel::Range), 0.0);
             signals.set(Signal::Sensed(Channel::Head), radians(head_deg));
-            let goal = Goal::Explore { within_m: 9.0 };
-            let tick = Tick {
-                keep_m: KEEP_M,
-                first_rad: 0.0,
-                order: Order { goal, keep_m: KEEP_M, speed_m_s: None, turn_rad_s: None },
-                at: At { x_m: 0.0, y_m: 0.0, heading_rad: 0.0 },
-                signals: &signals,
-                limits: &MotionLimits::default(),
-                step_s: 0.02,
-            };
+            let limits = MotionLimits::default();
+            let tick = Tick::exploring(&signals, &limits);
             assert_eq!(tick.is_ahead().is_some(), is_ahead, "{head_deg}°");
         }
     }
