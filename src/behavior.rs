@@ -37,7 +37,7 @@ mod telling;
 pub mod tune;
 
 pub use blackboard::{Blackboard, MAX_VARIABLES, MachineState, Scope, Since};
-pub use demands::{Demands, Drive, Led};
+pub use demands::{Demands, Drive};
 pub use engine::{EngineError, Finish, Progress};
 pub use expression::Expression;
 pub use graph::mermaid;

@@ -22,7 +22,7 @@
 
 use std::io;
 
-use crate::behavior::{Demands, Drive, Led};
+use crate::behavior::{Demands, Drive};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
     Battery, Button, Buttons, DeviceError, LightColour, Platform, Sound, StatusLights, StopAction,
@@ -87,7 +87,7 @@ pub struct Robot {
     stop_trouble: Option<DeviceError>,
     lights: Option<StatusLights>,
     sound: Option<Sound>,
-    led: Option<Led>,
+    led: Option<LightColour>,
     tone_hz: Option<i32>,
     head_rad: Option<f64>,
     /// What the gyro's reading is counted from; not known between plugging it in again and its
@@ -399,7 +399,7 @@ impl Robot {
     pub fn announce(&mut self, for_ns: i64) {
         const BEEP_HZ: i32 = 880;
         const BEEP_NS: i64 = 200 * MILLISECOND_NS;
-        self.light(Led::Orange);
+        self.light(LightColour::Orange);
         self.tone((for_ns.rem_euclid(SECOND_NS) < BEEP_NS).then_some(BEEP_HZ));
     }
 
@@ -444,18 +444,12 @@ impl Robot {
     }
 
     /// Lights and sounds are for people: when they fail, the robot drives on.
-    fn light(&mut self, led: Led) {
+    fn light(&mut self, led: LightColour) {
         if self.led != Some(led)
             && let Some(lights) = &mut self.lights
         {
             self.led = Some(led);
-            let _ = lights.set_both(match led {
-                Led::Off => LightColour::Off,
-                Led::Green => LightColour::Green,
-                Led::Red => LightColour::Red,
-                Led::Orange => LightColour::Orange,
-                Led::Yellow => LightColour::Yellow,
-            });
+            let _ = lights.set_both(led);
         }
     }
 

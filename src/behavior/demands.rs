@@ -10,7 +10,7 @@
 use arrayvec::ArrayString;
 
 use super::MAX_MOTORS;
-use crate::ev3dev::StopAction;
+use crate::ev3dev::{LightColour, StopAction};
 
 /// The longest text that `say` shows, in bytes: four lines across the brick's screen in its small
 /// font, with room for letters of two bytes.
@@ -32,7 +32,7 @@ pub struct Demands {
     /// capabilities.
     pub motors: [Option<f64>; MAX_MOTORS],
     /// The colour of the brick's lights.
-    pub led: Option<Led>,
+    pub led: Option<LightColour>,
     /// A tone, in hertz.
     pub tone_hz: Option<f64>,
     /// A text for people, of one line or more.
@@ -63,30 +63,4 @@ pub enum Drive {
 impl Drive {
     /// The wheels stop, and resist being turned.
     pub(crate) const STILL: Self = Self::Stop(StopAction::Brake);
-}
-
-/// Colours of the brick's lights: each has a red and a green diode.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Led {
-    /// Dark.
-    Off,
-    /// Green alone.
-    Green,
-    /// Red alone.
-    Red,
-    /// Both, red more than green.
-    Orange,
-    /// Both, green more than red.
-    Yellow,
-}
-
-impl Led {
-    /// The words of a mission file, with their meanings.
-    pub const WORDS: [(&str, Self); 5] = [
-        ("off", Self::Off),
-        ("green", Self::Green),
-        ("red", Self::Red),
-        ("orange", Self::Orange),
-        ("yellow", Self::Yellow),
-    ];
 }

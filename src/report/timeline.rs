@@ -21,7 +21,6 @@ use std::fmt::Write as _;
 
 use super::export::csv_text;
 use crate::behavior::Demands;
-use crate::behavior::demands::Led;
 use crate::clock::seconds;
 use crate::document::nearest;
 use crate::mapping::Range;
@@ -329,11 +328,10 @@ fn numbers(cast: &Cast, senses: &Senses, known: Option<(&Step, &Demands)>) -> Ve
 fn words(cast: &Cast, known: Option<(&Step, &Demands)>) -> Vec<String> {
     let machines = cast.mission.machines().len();
     let Some((_, demands)) = known else { return vec![String::new(); machines + 2] };
-    let led = demands.led.and_then(|led| Led::WORDS.into_iter().find(|row| row.1 == led));
     let states = cast.pilot.program().states().map(|state| printable::line(state).into_owned());
     states
         .chain([
-            led.map_or_else(String::new, |row| row.0.to_owned()),
+            demands.led.map_or_else(String::new, |led| led.to_string()),
             demands.say.map_or_else(String::new, |say| {
                 printable::line(&say.replace('\n', " / ")).into_owned()
             }),

@@ -8,8 +8,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::StopReason;
-use crate::behavior::{Demands, Drive, Led};
+use crate::behavior::{Demands, Drive};
 use crate::clock::SECOND_NS;
+use crate::ev3dev::LightColour;
 use crate::robot::BatteryLimits;
 
 /// For how long the voltage must be below a threshold, nanoseconds: it is read once a second, so
@@ -94,7 +95,7 @@ impl Charge {
     /// takes little, and a mission's view of the room depends on it.
     pub(super) fn limit(self, demands: &mut Demands) {
         if self >= Self::Low {
-            demands.led = Some(Led::Orange);
+            demands.led = Some(LightColour::Orange);
         }
         if self >= Self::VeryLow {
             demands.drive = demands.drive.map(slowed);
@@ -167,7 +168,7 @@ mod tests {
         let wheels = Drive::Wheels { left_rad_s: 2.0, right_rad_s: -1.0 };
         let mut demands = Demands { drive: Some(wheels), ..Demands::default() };
         Charge::Low.limit(&mut demands);
-        assert_eq!((demands.drive, demands.led), (Some(wheels), Some(Led::Orange)));
+        assert_eq!((demands.drive, demands.led), (Some(wheels), Some(LightColour::Orange)));
         demands.motors[1] = Some(3.0);
         Charge::VeryLow.limit(&mut demands);
         assert_eq!(demands.drive, Some(Drive::Wheels { left_rad_s: 1.0, right_rad_s: -0.5 }));

@@ -16,10 +16,10 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use arrayvec::{ArrayString, ArrayVec};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use crate::behavior::demands::{Led, SAY_BYTES};
+use crate::behavior::demands::SAY_BYTES;
 use crate::behavior::{Demands, MAX_MACHINES, Taken};
 use crate::clock::Clock;
-use crate::ev3dev::StopAction;
+use crate::ev3dev::{LightColour, StopAction};
 use crate::mapping::{Estimate, Pose};
 use crate::robot::Robot;
 use crate::senses::{Channel, Senses};
@@ -230,7 +230,7 @@ impl<T: Copy + PartialEq> Told<T> {
 #[derive(Debug, Default)]
 struct Telling {
     say: Told<ArrayString<SAY_BYTES>>,
-    led: Told<Led>,
+    led: Told<LightColour>,
     /// Hertz; silence is none.
     tone: Told<Option<u32>>,
 }
@@ -377,8 +377,7 @@ impl Control<'_> {
             self.recorder.said(now_ns, &text);
         }
         if let Some(led) = telling.led.next(demands.led, now_ns, is_last) {
-            let word = Led::WORDS.iter().find(|row| row.1 == led).map_or("", |row| row.0);
-            self.log(Level::Info, format_args!("lights: {word}"));
+            self.log(Level::Info, format_args!("lights: {led}"));
         }
         #[expect(
             clippy::cast_possible_truncation,

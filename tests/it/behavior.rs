@@ -6,11 +6,11 @@ use std::fmt::Write as _;
 use onbrick::behavior::mission::{OnLost, OnStall};
 use onbrick::behavior::shipped::{self, MISSIONS, TEMPLATE};
 use onbrick::behavior::{
-    Capabilities, Demands, Drive, Finish, Led, Mission, MotionLimits, Program, ProgramState,
-    Progress, Signal, Signals, Taken, graph, submachines,
+    Capabilities, Demands, Drive, Finish, Mission, MotionLimits, Program, ProgramState, Progress,
+    Signal, Signals, Taken, graph, submachines,
 };
 use onbrick::document::Document;
-use onbrick::ev3dev::StopAction;
+use onbrick::ev3dev::{LightColour, StopAction};
 use onbrick::senses::{Channel, Role};
 use proptest::prelude::*;
 
@@ -198,7 +198,7 @@ fn demands_are_in_si_units() {
     );
     assert_eq!(demands.head_rad, Some(f64::to_radians(45.0)));
     assert_eq!(demands.motors, [Some(f64::to_radians(-90.0)), Some(0.0), None, None]);
-    assert_eq!((demands.led, demands.tone_hz), (Some(Led::Yellow), Some(440.0)));
+    assert_eq!((demands.led, demands.tone_hz), (Some(LightColour::Yellow), Some(440.0)));
     assert_eq!(demands.say.as_deref(), Some("hej"));
 }
 
@@ -232,7 +232,7 @@ fn what_is_done_on_entry_and_on_exit_is_done_once() {
         .map(|demands| (demands.led, demands.say.map(|line| line.to_string()), demands.tone_hz))
         .into();
     let nothing = (None, None, None);
-    let entry = (Some(Led::Green), Some("in".to_owned()), None);
+    let entry = (Some(LightColour::Green), Some("in".to_owned()), None);
     assert_eq!(
         said,
         [entry, nothing, (None, Some("out".to_owned()), Some(500.0)), (None, None, Some(500.0))],
@@ -278,7 +278,7 @@ fn the_last_machine_in_the_file_has_the_lights() {
         ["z", "a"]
     );
     let (demands, _) = step(&mut mission.start().unwrap(), &signals(0, &[]));
-    assert_eq!((demands.led, demands.tone_hz), (Some(Led::Green), Some(100.0)));
+    assert_eq!((demands.led, demands.tone_hz), (Some(LightColour::Green), Some(100.0)));
 }
 
 #[test]

@@ -4,11 +4,10 @@ use std::ops::Range;
 
 use arrayvec::ArrayVec;
 
-use crate::behavior::demands::Led;
 use crate::behavior::engine::LEVELS;
 use crate::behavior::expression::Expression;
 use crate::behavior::telling::Telling;
-use crate::ev3dev::StopAction;
+use crate::ev3dev::{LightColour, StopAction};
 use crate::senses::Role;
 
 /// A machine of a mission.
@@ -82,7 +81,7 @@ pub(super) struct Outputs {
     pub(super) drive: Option<DrivePlan>,
     pub(super) head_deg: Option<Expression>,
     pub(super) motors_dps: Vec<(u8, Expression)>,
-    pub(super) led: Option<Led>,
+    pub(super) led: Option<LightColour>,
     pub(super) sound: Option<SoundPlan>,
     pub(super) say: Option<Telling>,
 }

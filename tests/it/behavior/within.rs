@@ -76,8 +76,8 @@ fn the_outer_and_the_inner_state_each_have_their_time_their_end_and_their_names(
         let drive = forward_m_s.map(|forward_m_s| Drive::Twist { forward_m_s, turn_rad_s: 0.0 });
         assert_eq!(demands.drive, drive, "at {ms} ms");
         let led = match ms {
-            1_000 | 2_540 => Some(Led::Red),
-            5_540 => Some(Led::Green),
+            1_000 | 2_540 => Some(LightColour::Red),
+            5_540 => Some(LightColour::Green),
             _ => None,
         };
         assert_eq!(demands.led, led, "at {ms} ms");

@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use nix::errno::Errno;
-use onbrick::behavior::{Demands, Drive, Led};
+use onbrick::behavior::{Demands, Drive};
 use onbrick::clock::MILLISECOND_NS;
-use onbrick::ev3dev::{Access, AttributeFile, StopAction, Tree};
+use onbrick::ev3dev::{Access, AttributeFile, LightColour, StopAction, Tree};
 use onbrick::robot::{LEASE_MS, Robot, RobotConfig};
 use onbrick::senses::Channel;
 
@@ -188,7 +188,7 @@ fn demands(chance: &mut Chance) -> (Demands, u64) {
     let mut demands = Demands { drive, head_rad: Some(chance.float()), ..Demands::default() };
     demands.motors[0] = Some(chance.float());
     demands.tone_hz = Some(chance.float());
-    demands.led = Some(*chance.of(&[Led::Off, Led::Green, Led::Red, Led::Orange, Led::Yellow]));
+    demands.led = Some(*chance.of(LightColour::ALL));
     (demands, count + 3)
 }
 

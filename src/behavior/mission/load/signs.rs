@@ -3,12 +3,13 @@
 
 use super::actions::actions;
 use super::{Outputs, Reader, Section};
-use crate::behavior::demands::{Led, SAY_BYTES, SAY_LINES};
+use crate::behavior::demands::{SAY_BYTES, SAY_LINES};
 use crate::behavior::expression::Expression;
 use crate::behavior::mission::SoundPlan;
 use crate::behavior::telling::{Piece, Telling, parts};
 use crate::behavior::tune::{BEEPS, MAX_NOTES, TEMPO_BPM, Tune};
 use crate::document::{Item, Severity};
+use crate::ev3dev::LightColour;
 use crate::printable::is_printable;
 
 /// What can be asked on entry and on exit.
@@ -18,6 +19,15 @@ pub(super) const SIGNS: [&str; 7] =
 /// The keys that say what the speaker plays, and the key that goes with each.
 const SOUNDS: [(&str, Option<&str>); 3] =
     [("tone_hz", Some("tone_s")), ("tune", Some("tempo_bpm")), ("beep", None)];
+
+/// The colours that a mission can ask for: by amber one brick is told from another.
+const COLOURS: [LightColour; 5] = [
+    LightColour::Off,
+    LightColour::Green,
+    LightColour::Red,
+    LightColour::Orange,
+    LightColour::Yellow,
+];
 
 /// What the brick's speaker can play and ears can hear.
 const TONE_HZ: (f64, f64) = (20.0, 20_000.0);
@@ -48,8 +58,9 @@ impl<'d> Reader<'_, 'd, '_> {
     ///
     /// - `tone_s`: how long a tone is; `None`: as long as the state.
     pub(super) fn telling(&mut self, table: &Section<'d>, tone_s: Option<f64>) -> Outputs {
+        let colours = COLOURS.map(|colour| (colour.as_str(), colour));
         Outputs {
-            led: table.get("led").and_then(|item| item.word(&Led::WORDS)),
+            led: table.get("led").and_then(|item| item.word(&colours)),
             sound: self.sound(table, tone_s),
             say: table.get("say").and_then(|item| self.say(&item)),
             ..Outputs::default()
