@@ -39,6 +39,13 @@ pub struct Demands {
     pub say: Option<ArrayString<SAY_BYTES>>,
 }
 
+impl Demands {
+    /// Nothing moves; all else is as nothing were wanted.
+    pub(crate) fn still() -> Self {
+        Self { drive: Some(Drive::STILL), ..Self::default() }
+    }
+}
+
 /// What the two wheels do. Every number is finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Drive {

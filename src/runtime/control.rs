@@ -28,7 +28,7 @@ use super::battery::Charge;
 use super::environment::SeeTruth;
 use super::pilot::{ChangedVariables, Pilot, PilotState, Step};
 use super::{Heartbeat, Job, Lock, Pulse, StopBy, StopReason, WhenAbandoned};
-use crate::recording::{Level, MAX_LOG_BYTES, STALL_NS, TickRecord, TickSide};
+use crate::recording::{Level, MAX_LOG_BYTES, STALL_NS, TickSide};
 
 /// How often the pilot's state goes into the recording, nanoseconds.
 const CHECKPOINT_NS: i64 = 1_000_000_000;
@@ -353,20 +353,12 @@ impl Control<'_> {
             Some(_) => self.robot.show(demands),
         }
         self.heartbeat.beat(time_ns);
-        let estimate = step.estimate;
-        let range_is_new = estimate.sounding.is_some_and(|sounding| sounding.fresh);
-        self.recorder.tick(&TickRecord {
-            senses: *senses,
-            estimate,
-            placed: step.placed,
-            range_is_new,
-            lateness_ns,
-        });
+        self.recorder.tick(&step.record(senses, lateness_ns));
         for transition in taken {
             self.recorder.transition(senses.tick, time_ns, transition);
         }
         let points = self.tally.points + step.placed.len() as u64;
-        let Estimate { travelled_m, pose, .. } = estimate;
+        let Estimate { travelled_m, pose, .. } = step.estimate;
         let ticks = senses.tick + 1;
         self.tally = Tally { ticks, time_ns, points, travelled_m, pose, ..self.tally };
         step

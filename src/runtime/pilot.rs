@@ -13,8 +13,8 @@ use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
 use crate::behavior::{
-    Demands, Drive, EngineError, MAX_MOTORS, MAX_VARIABLES, Mission, OnLost, Program, ProgramState,
-    Progress, Signal, Signals, Taken,
+    Demands, EngineError, MAX_VARIABLES, Mission, OnLost, Program, ProgramState, Progress, Signal,
+    Signals, Taken,
 };
 use crate::clock::nanoseconds;
 use crate::mapping::{
@@ -22,6 +22,7 @@ use crate::mapping::{
     KeyframeList, Map, MapPoint, Method, OccupancyGrid, Placed, Pose, Range, RangeReading,
 };
 use crate::planning::Planner;
+use crate::recording::TickRecord;
 use crate::robot::{BatteryLimits, RobotConfig};
 use crate::senses::{Channel, Role, Senses};
 
@@ -99,6 +100,15 @@ pub struct Step {
     pub charge: Charge,
     /// The reason to end the run, if there is one.
     pub end: Option<StopReason>,
+}
+
+impl Step {
+    /// As a recording holds it, with the senses that it came from.
+    pub(super) fn record(&self, senses: &Senses, lateness_ns: i64) -> TickRecord {
+        let Self { estimate, placed, .. } = *self;
+        let range_is_new = estimate.sounding.is_some_and(|sounding| sounding.fresh);
+        TickRecord { senses: *senses, estimate, placed, range_is_new, lateness_ns }
+    }
 }
 
 /// What a pilot carries from tick to tick, so that a replay can go on after a gap in the recording.
@@ -200,7 +210,7 @@ impl Pilot {
         let end = end.or((charge == Charge::Empty).then_some(StopReason::Battery));
         if end.is_some() {
             // What people are told stays.
-            *demands = Demands { led: demands.led, say: demands.say, ..STANDSTILL };
+            *demands = Demands { led: demands.led, say: demands.say, ..Demands::still() };
         }
         self.carried.wheels_rad_s = self.config.wheel_speeds(demands.drive);
         self.carried.head_rad = demands.head_rad;
@@ -320,7 +330,7 @@ impl Pilot {
         match (lost, self.on_lost) {
             (Some(channel), OnLost::Stop) => return Some(StopReason::Lost(channel)),
             (Some(_), OnLost::Pause) => {
-                *demands = STANDSTILL;
+                *demands = Demands::still();
                 return self.time_is_up(senses).then_some(StopReason::TimeLimit);
             }
             (None, _) => {}
@@ -403,17 +413,3 @@ fn note(signals: &mut Signals, signal: Signal, value: Option<f64>) {
         None => signals.lose(signal),
     }
 }
-
-/// What is wanted of the actuators when nothing is to move.
-const STANDSTILL: Demands = Demands { drive: Some(Drive::STILL), ..NOTHING };
-
-/// Nothing is wanted.
-const NOTHING: Demands = Demands {
-    drive: None,
-    head_rad: None,
-    head_rad_s: None,
-    motors: [None; MAX_MOTORS],
-    led: None,
-    tone_hz: None,
-    say: None,
-};

@@ -9,7 +9,7 @@ use super::{Assignment, MachinePlan, Mission, Outputs, RegionPlan, StatePlan, Tr
 use crate::behavior::blackboard::{
     Blackboard, MAX_PIDS, MAX_VARIABLES, MachineState, PidState, Scope,
 };
-use crate::behavior::demands::{Demands, Drive};
+use crate::behavior::demands::Demands;
 use crate::behavior::engine::{Engine, EngineError, LEVELS, Machine, Progress, State};
 use crate::behavior::motion::{MotionLimits, MotionState};
 use crate::behavior::navigation::NavigationState;
@@ -160,8 +160,7 @@ impl Program {
         if progress == Progress::Finished {
             // Whatever another machine wants: nothing moves while the last sounds are heard.
             let Demands { led, tone_hz, say, .. } = *demands;
-            let drive = Some(Drive::STILL);
-            *demands = Demands { drive, led, tone_hz, say, ..Demands::default() };
+            *demands = Demands { led, tone_hz, say, ..Demands::still() };
         }
         match self.turn.ongoing.tone_hz(now_ns) {
             Some(tone_hz) => {

@@ -9,7 +9,7 @@ use super::{Cast, ReplayError, count};
 use crate::behavior::Demands;
 use crate::mapping::Pose;
 use crate::recording::{
-    self, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start, StopReason, TickRecord,
+    self, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start, StopReason,
 };
 use crate::robot::RobotConfig;
 use crate::runtime::Source;
@@ -77,13 +77,7 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
         let mut taken = Vec::new();
         let step = cast.pilot.step(&senses, &mut demands, |transition| taken.push(transition));
         time_ns = senses.time_ns;
-        tick_side.tick(&TickRecord {
-            senses,
-            estimate: step.estimate,
-            placed: step.placed,
-            range_is_new: step.estimate.sounding.is_some_and(|sounding| sounding.fresh),
-            lateness_ns: 0,
-        });
+        tick_side.tick(&step.record(&senses, 0));
         for transition in taken {
             tick_side.transition(senses.tick, time_ns, transition);
         }
