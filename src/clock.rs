@@ -55,6 +55,12 @@ pub fn nanoseconds(seconds: f64) -> i64 {
     libm::round(seconds * 1e9) as i64
 }
 
+/// A span in nanoseconds; one of more than 292 years ends at the limit.
+#[must_use]
+pub fn span_ns(span: Duration) -> i64 {
+    i64::try_from(span.as_nanos()).unwrap_or(i64::MAX)
+}
+
 /// A source of monotonic time that can be waited on.
 pub trait Clock: Debug + Send + Sync {
     /// Nanoseconds since this clock's start.
@@ -67,6 +73,19 @@ pub trait Clock: Debug + Send + Sync {
     fn sleep_ns(&self, span_ns: i64) {
         self.sleep_until_ns(self.now_ns() + span_ns);
     }
+
+    /// Waits for something of which no event tells, by looking every `look_ns`; false where it is
+    /// still not so after `patience_ns`.
+    fn wait_for(&self, patience_ns: i64, look_ns: i64, is_so: &dyn Fn() -> bool) -> bool {
+        let deadline_ns = self.now_ns().saturating_add(patience_ns);
+        while !is_so() {
+            if self.now_ns() >= deadline_ns {
+                return false;
+            }
+            self.sleep_ns(look_ns);
+        }
+        true
+    }
 }
 
 /// The kernel's monotonic clock: one system call a reading on the brick, which has no vDSO.
@@ -76,8 +95,7 @@ pub struct MonotonicClock;
 impl Clock for MonotonicClock {
     fn now_ns(&self) -> i64 {
         // The kernel refuses only clocks that it does not know; this one has been there since 2.6.
-        clock_gettime(ClockId::CLOCK_MONOTONIC)
-            .map_or(0, |time| i64::try_from(Duration::from(time).as_nanos()).unwrap_or(i64::MAX))
+        clock_gettime(ClockId::CLOCK_MONOTONIC).map_or(0, |time| span_ns(time.into()))
     }
 
     fn sleep_until_ns(&self, deadline_ns: i64) {
@@ -124,8 +142,7 @@ pub fn wall_time() -> WallTime {
 /// The wall clock, nanoseconds since 1970: for names and records only. A clock before 1970 reads 0.
 #[must_use]
 pub fn wall_ns() -> i64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+    span_ns(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default())
 }
 
 /// Seconds from 1970 to 2024: this program is younger, so a clock before that stands wrong.

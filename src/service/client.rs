@@ -20,7 +20,7 @@ use std::time::Duration;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::clock::{Clock, MonotonicClock};
+use crate::clock::{Clock, MonotonicClock, span_ns};
 use crate::printable::json_line;
 use crate::protocol::{
     Answer, Envelope, Fetch, Fetched, Id, LocalOnly, MAX_FETCH_BYTES, Outcome, Refusal, Reply,
@@ -129,9 +129,7 @@ impl Client {
         request: &impl Serialize,
         patience: Duration,
     ) -> Result<Answer, ClientError> {
-        let deadline_ns = MonotonicClock
-            .now_ns()
-            .saturating_add(i64::try_from(patience.as_nanos()).unwrap_or(i64::MAX));
+        let deadline_ns = MonotonicClock.now_ns().saturating_add(span_ns(patience));
         // Only an answer that was read to its end leaves the connection in order.
         let mut connection = self.connected(deadline_ns)?;
         let answered = self.over(&mut connection, request, deadline_ns)?;

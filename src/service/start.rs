@@ -232,10 +232,8 @@ impl Service {
         if let Err(error) = self.stop(None, StopBy::Terminal, "the service's own end") {
             log::warn!("{error}");
         }
-        let deadline_ns = MonotonicClock.now_ns() + 20 * SECOND_NS;
-        while inner.now().machine.run().is_some() && MonotonicClock.now_ns() < deadline_ns {
-            MonotonicClock.sleep_ns(20 * MILLISECOND_NS);
-        }
+        let is_idle = || inner.now().machine.run().is_none();
+        MonotonicClock.wait_for(20 * SECOND_NS, 20 * MILLISECOND_NS, &is_idle);
         inner.store.save();
     }
 

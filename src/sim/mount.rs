@@ -152,11 +152,8 @@ impl Mount {
             point::detach(&self.point)
                 .map_err(|source| MountError::Failed { point: self.point.clone(), source })?;
         }
-        let deadline_ns = MonotonicClock.now_ns() + FAREWELL_NS;
-        while !session.guard.is_finished() && MonotonicClock.now_ns() < deadline_ns {
-            MonotonicClock.sleep_ns(MILLISECOND_NS);
-        }
-        if !session.guard.is_finished() {
+        let has_ended = || session.guard.is_finished();
+        if !MonotonicClock.wait_for(FAREWELL_NS, MILLISECOND_NS, &has_ended) {
             log::info!(
                 "{}: files are still open; they answer until this program ends",
                 self.point.display()

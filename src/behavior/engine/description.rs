@@ -5,6 +5,7 @@ use std::fmt;
 use std::time::Duration;
 
 use super::{EngineError, LEVELS, Moment};
+use crate::clock::span_ns;
 
 pub(super) type Check<I> = Box<dyn FnMut(&I, Moment) -> bool + Send>;
 pub(super) type Action<I> = Box<dyn FnMut(&mut I, Moment) + Send>;
@@ -81,7 +82,7 @@ impl<I> State<I> {
     /// Adds a timeout: to `destination` once the state has been active for `time`.
     #[must_use]
     pub fn after(self, time: Duration, destination: impl Into<String>) -> Self {
-        let limit_ns = i64::try_from(time.as_nanos()).unwrap_or(i64::MAX);
+        let limit_ns = span_ns(time);
         self.when(move |_, at| at.now_ns.saturating_sub(at.entered_ns) >= limit_ns, destination)
     }
 

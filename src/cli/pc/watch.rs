@@ -81,10 +81,7 @@ impl Watch {
                 wall_ns.saturating_sub(answered_ns.saturating_sub(asked_ns)),
                 wall_ns,
             );
-            let until_ns = MonotonicClock.now_ns() + PACE_NS;
-            while !is_over() && MonotonicClock.now_ns() < until_ns {
-                MonotonicClock.sleep_ns(PACE_NS / 10);
-            }
+            MonotonicClock.wait_for(PACE_NS, PACE_NS / 10, &is_over);
         }
     }
 

@@ -85,14 +85,11 @@ pub fn control(
 /// read the last word.
 fn end_hung_guard(flags: &StopFlags, guard: Pid) {
     let beats = || flags.guard_beats.load(Ordering::Relaxed);
-    let (before, deadline_ns) = (beats(), MonotonicClock.now_ns() + HUNG_NS);
-    while beats() == before && getppid() == guard {
-        if MonotonicClock.now_ns() >= deadline_ns {
-            log::error!("the guard gives no sign of life, and is killed");
-            let _ = kill(guard, Signal::SIGKILL);
-            return;
-        }
-        MonotonicClock.sleep_ns(MILLISECOND_NS);
+    let before = beats();
+    let lives_or_is_gone = || beats() != before || getppid() != guard;
+    if !MonotonicClock.wait_for(HUNG_NS, MILLISECOND_NS, &lives_or_is_gone) {
+        log::error!("the guard gives no sign of life, and is killed");
+        let _ = kill(guard, Signal::SIGKILL);
     }
 }
 

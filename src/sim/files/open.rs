@@ -8,6 +8,7 @@ use nix::errno::Errno;
 
 use super::LOOK_NS;
 use super::told::{self, Tells};
+use crate::clock::span_ns;
 use crate::ev3dev::{Access, AttributeFile, AttributeSpec, Button, Direction, Legal};
 use crate::sim::brick::Brick;
 use crate::sim::driver::Wait;
@@ -332,8 +333,7 @@ impl AttributeFile for SimFile {
     }
 
     fn wait_changed(&self, timeout: Duration) -> Result<bool, Errno> {
-        let timeout_ns = i64::try_from(timeout.as_nanos()).unwrap_or(i64::MAX);
-        let deadline_ns = self.simulation.time_ns().saturating_add(timeout_ns);
+        let deadline_ns = self.simulation.time_ns().saturating_add(span_ns(timeout));
         if self.is_changed() {
             return Ok(true);
         }

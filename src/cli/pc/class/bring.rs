@@ -112,12 +112,9 @@ impl Bringing {
                 }
                 Err(error) => return Err(told(&error)),
             }
-            let until_ns = MonotonicClock.now_ns().saturating_add(AGAIN_NS);
-            while MonotonicClock.now_ns() < until_ns {
-                if self.brick.over.load(Ordering::Relaxed) {
-                    return Err("the page has ended".to_owned());
-                }
-                MonotonicClock.sleep_ns(100 * MILLISECOND_NS);
+            let is_over = || self.brick.over.load(Ordering::Relaxed);
+            if MonotonicClock.wait_for(AGAIN_NS, 100 * MILLISECOND_NS, &is_over) {
+                return Err("the page has ended".to_owned());
             }
         }
     }

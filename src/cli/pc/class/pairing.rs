@@ -84,7 +84,8 @@ impl Pairing {
     /// Listens for announcements until the page ends.
     pub(super) fn listen(&self, over: &AtomicBool) {
         let mut has_said = false;
-        while !over.load(Ordering::Relaxed) {
+        let is_over = || over.load(Ordering::Relaxed);
+        while !is_over() {
             match discover(LISTEN_S, over) {
                 Ok(heard) => *self.heard() = heard,
                 Err(error) if !has_said => {
@@ -93,10 +94,7 @@ impl Pairing {
                 }
                 Err(_) => {}
             }
-            let until_ns = MonotonicClock.now_ns().saturating_add(REST_NS);
-            while !over.load(Ordering::Relaxed) && MonotonicClock.now_ns() < until_ns {
-                MonotonicClock.sleep_ns(100 * MILLISECOND_NS);
-            }
+            MonotonicClock.wait_for(REST_NS, 100 * MILLISECOND_NS, &is_over);
         }
     }
 
