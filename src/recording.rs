@@ -130,6 +130,7 @@ pub use progress::Progress;
 pub(crate) use record::sealed;
 pub use recorder::{Options, Recorder, Summary};
 pub use run::{LogLine, ReadError, RecordedPose, Run, Transition};
+pub(crate) use sink::free_bytes;
 pub use sink::{DiskFile, RecordError, Sink, create, writer};
 pub use status::Status;
 pub use stop::{STALL_NS, Stop, StopReason};

@@ -21,6 +21,7 @@ use std::path::{Path, PathBuf};
 use nix::fcntl::{FcntlArg, fcntl};
 use nix::libc;
 use nix::sys::memfd::{MFdFlags, memfd_create};
+use nix::sys::statvfs::statvfs;
 
 /// Where a recording's bytes go. Tests put faults behind it.
 pub trait Sink: Debug + Send {
@@ -126,6 +127,20 @@ pub fn writer(path: &Path) -> io::Result<Option<i32>> {
     let mut lock = whole_file(libc::F_RDLCK)?;
     fcntl(file.as_fd(), FcntlArg::F_GETLK(&mut lock))?;
     Ok((i32::from(lock.l_type) != libc::F_UNLCK).then_some(lock.l_pid))
+}
+
+/// How many bytes a folder's disk has free for us.
+///
+/// # Errors
+///
+/// What the kernel answers.
+#[allow(
+    clippy::useless_conversion,
+    reason = "the kernel's numbers have 32 bits on the brick and 64 on a PC"
+)]
+pub(crate) fn free_bytes(folder: &Path) -> nix::Result<u64> {
+    let disk = statvfs(folder)?;
+    Ok(u64::from(disk.blocks_available()).saturating_mul(u64::from(disk.fragment_size())))
 }
 
 /// From the first byte to wherever the end will be.

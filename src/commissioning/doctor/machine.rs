@@ -4,7 +4,6 @@
 use std::path::{Path, PathBuf};
 
 use nix::sys::resource::{Resource, getrlimit};
-use nix::sys::statvfs::statvfs;
 use nix::unistd::{Gid, geteuid, getgroups};
 
 use crate::behavior::Capabilities;
@@ -12,6 +11,7 @@ use crate::clock::{wrong_year, year};
 use crate::document::read_bounded;
 
 use super::{Diagnosis, Examination, Verdict, with_causes};
+use crate::recording::free_bytes;
 use crate::runtime::{Source, groups};
 
 /// What gives access to what on ev3dev's images.
@@ -58,10 +58,6 @@ pub(super) fn groups(examination: &mut Examination<'_>, diagnosis: &mut Diagnosi
 }
 
 /// The folder itself, or the nearest of its parents that is there: a run makes the rest.
-#[allow(
-    clippy::useless_conversion,
-    reason = "the kernel's words are narrower on the brick than on a PC"
-)]
 pub(super) fn disk(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     const CHECK: &str = "disk";
     let wanted = examination.patient.recordings;
@@ -78,10 +74,8 @@ pub(super) fn disk(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
             "another folder, or chown and chmod this one",
         );
     }
-    let free = match statvfs(folder) {
-        Ok(space) => {
-            u64::from(space.blocks_available()).saturating_mul(u64::from(space.fragment_size()))
-        }
+    let free = match free_bytes(folder) {
+        Ok(free) => free,
         Err(errno) => {
             return diagnosis.warn(CHECK, errno.to_string(), "look how full it is with df");
         }

@@ -10,6 +10,7 @@ use nix::unistd::{AccessFlags, access};
 
 use super::{Record, StoreError};
 use crate::protocol::RunId;
+use crate::recording::free_bytes;
 
 /// What the service knows of a run.
 const RECORD: &str = "run.json";
@@ -50,15 +51,8 @@ pub(super) fn look(folder: &Path) -> Result<(), StoreError> {
 }
 
 /// Bytes that are free for us; 0 if that is not known.
-#[allow(
-    clippy::useless_conversion,
-    reason = "the kernel's numbers have 32 bits on the brick and 64 on a PC"
-)]
 pub(super) fn free(folder: &Path) -> u64 {
-    let free = |disk: nix::sys::statvfs::Statvfs| {
-        u64::from(disk.blocks_available()).saturating_mul(u64::from(disk.fragment_size()))
-    };
-    statvfs(folder).map_or(0, free)
+    free_bytes(folder).unwrap_or(0)
 }
 
 /// Makes a run's folder, which must not be there.
