@@ -34,6 +34,8 @@ mod syntax;
 mod values;
 
 pub(crate) use finding::nearest_or_all;
+#[cfg(feature = "cli")]
+pub(crate) use finding::one_of;
 pub use finding::{Finding, Findings, Severity, nearest};
 pub use kind::Kind;
 pub use load::read_bounded;

@@ -8,7 +8,7 @@ use super::output::safe;
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::wall_ns;
-use crate::document::{Findings, nearest};
+use crate::document::{Findings, one_of};
 #[cfg(feature = "sim")]
 use crate::mapping::Pose;
 #[cfg(feature = "host")]
@@ -81,9 +81,8 @@ fn hint_at_names(failure: Failure, path: &Path, what: &str, names: &[&str]) -> F
     if path.is_file() {
         return failure;
     }
-    let nearest = nearest(&path.to_string_lossy(), names.iter().copied());
-    let nearest = nearest.map(|hint| format!("; {hint}")).unwrap_or_default();
-    failure.hint(format!("a {what}'s file, or one of {}{nearest}", names.join(", ")))
+    let names = one_of(&path.to_string_lossy(), names.iter().copied());
+    failure.hint(format!("a {what}'s file, or {names}"))
 }
 
 /// Reads a file that a person names, as far as a document may be long.

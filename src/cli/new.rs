@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::common::{WRITABLE, must_be_new};
 use super::{Exit, Failure, Output};
 use crate::behavior::shipped::{self, Shipped};
-use crate::document::nearest;
+use crate::document::one_of;
 use crate::document::save;
 use crate::printable::with_causes;
 use crate::robot::ROBOTS;
@@ -88,10 +88,8 @@ fn start_from(
     shipped: &[(&'static str, &'static str)],
     name: &str,
 ) -> Result<&'static str, Failure> {
-    let names = || shipped.iter().map(|(known, _)| *known);
     shipped.iter().find(|(known, _)| *known == name).map(|(_, text)| *text).ok_or_else(|| {
-        let nearest = nearest(name, names()).map(|hint| format!("; {hint}")).unwrap_or_default();
         Failure::new(Exit::Usage, format!("there is no shipped {what} `{name}`"))
-            .hint(format!("one of {}{nearest}", names().collect::<Vec<_>>().join(", ")))
+            .hint(one_of(name, shipped.iter().map(|(known, _)| *known)))
     })
 }

@@ -22,7 +22,7 @@ use std::fmt::Write as _;
 use super::export::csv_text;
 use crate::behavior::Demands;
 use crate::clock::seconds;
-use crate::document::nearest;
+use crate::document::one_of;
 use crate::mapping::Range;
 use crate::printable;
 use crate::recording::Run;
@@ -187,14 +187,10 @@ impl Timeline {
     ///
     /// [`UnknownSignal`], the first.
     pub fn named(&self, names: &[String]) -> Result<Vec<&Signal>, UnknownSignal> {
-        let all = || self.signals.iter().map(|signal| signal.name.as_str());
         let find = |name: &String| {
             self.signals.iter().find(|signal| signal.name == *name).ok_or_else(|| {
-                let near =
-                    nearest(name, all()).map_or_else(String::new, |near| format!("; {near}"));
-                let all = all().collect::<Vec<_>>().join(", ");
-                let name = printable::line(name).into_owned();
-                UnknownSignal { name, hint: format!("one of {all}{near}") }
+                let hint = one_of(name, self.signals.iter().map(|signal| signal.name.as_str()));
+                UnknownSignal { name: printable::line(name).into_owned(), hint }
             })
         };
         names.iter().map(find).collect()
