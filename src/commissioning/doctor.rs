@@ -65,15 +65,10 @@ pub enum Verdict {
     Failed,
 }
 
-impl Verdict {
-    /// What it is called in a report.
-    #[must_use]
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Ok => "ok",
-            Self::Warning => "warning",
-            Self::Failed => "failed",
-        }
+impl fmt::Display for Verdict {
+    /// The word that it is serialized by.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
     }
 }
 
@@ -92,7 +87,7 @@ pub struct Checked {
 
 impl fmt::Display for Checked {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:<8} {:<14} {}", self.verdict.word(), self.check, self.found)?;
+        write!(f, "{:<8} {:<14} {}", self.verdict, self.check, self.found)?;
         match &self.to_do {
             Some(to_do) => write!(f, " -> {to_do}"),
             None => Ok(()),

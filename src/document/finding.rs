@@ -3,11 +3,14 @@
 use std::fmt;
 use std::ops::Range;
 
+use serde::Serialize;
+
 use super::parts;
 use crate::printable::{self, is_printable};
 
 /// How bad a finding is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Severity {
     /// The file can be used; this is probably not what was meant.
     Warning,
@@ -16,7 +19,7 @@ pub enum Severity {
 }
 
 /// One thing that is wrong in a file: where, what, and the way out.
-#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// The file's name.
     pub file: String,
@@ -25,7 +28,6 @@ pub struct Finding {
     /// Column in characters, counted from 1.
     pub column: usize,
     /// `"error"` or `"warning"`.
-    #[serde(serialize_with = "severity_word")]
     pub severity: Severity,
     /// What is wrong.
     pub message: String,
@@ -79,24 +81,17 @@ impl Finding {
     }
 }
 
-fn severity_word<S: serde::Serializer>(severity: &Severity, out: S) -> Result<S::Ok, S::Error> {
-    out.serialize_str(severity.word())
-}
-
-impl Severity {
+impl fmt::Display for Severity {
     /// `error` or `warning`.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Warning => "warning",
-            Self::Error => "error",
-        }
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
     }
 }
 
 impl fmt::Display for Finding {
     /// Message, place, the line and a caret under the place; a long line is shown around it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{}: {}", self.severity.word(), self.message)?;
+        writeln!(f, "{}: {}", self.severity, self.message)?;
         writeln!(f, "  --> {}:{}:{}", printable::line(&self.file), self.line, self.column)?;
         let first = (self.column - 1).saturating_sub(Self::SHOWN / 2);
         // A tab or another control character would shift the caret or the terminal.

@@ -37,6 +37,13 @@ pub enum State {
     Fault,
 }
 
+impl fmt::Display for State {
+    /// The word that it is serialized by.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
+}
+
 /// How a brick is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Status {

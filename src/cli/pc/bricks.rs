@@ -1,7 +1,6 @@
 //! `onbrick bricks`: who is known, who is there, and who makes itself known.
 
 use super::remote::{Bricks, PATIENCES_S, Unnamed};
-use super::status::word;
 use crate::cli::common::number_within;
 use crate::cli::{Context, Exit, Failure, Output};
 use crate::link::KnownBricks;
@@ -42,7 +41,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     // A brick that does not answer is no failure here: that is what is asked for.
     for (brick, answer) in asking.ask(|client, _| client.status()) {
         let (how, state) = match answer {
-            Ok(status) => (word(status.state).to_owned(), Some(status.state)),
+            Ok(status) => (status.state.to_string(), Some(status.state)),
             Err(failure) => (failure.message, None),
         };
         let fingerprint = brick.key.fingerprint();

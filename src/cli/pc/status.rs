@@ -2,7 +2,7 @@
 
 use super::remote::{Bricks, Unnamed, conclude};
 use crate::cli::{Failure, Output};
-use crate::protocol::{RunStatus, State, Status, whose};
+use crate::protocol::{RunStatus, Status, whose};
 use crate::units::counted;
 
 /// Show the bricks' state: battery, what they do, or how their last run ended.
@@ -26,10 +26,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let answers = asking.ask(|client, _| client.status());
     conclude(answers, output, |output, brick, status| {
         let battery = battery(&status);
-        let word = word(status.state);
         let text = format!(
-            "{}  {word}  {battery}  onbrick {}{}",
+            "{}  {}  {battery}  onbrick {}{}",
             brick.name,
+            status.state,
             status.version,
             doing(&status)
         );
@@ -43,18 +43,6 @@ pub(super) fn battery(status: &Status) -> String {
         Some(volts) => format!("{volts:.1} V"),
         None if status.simulated => "simulated".to_owned(),
         None => "no battery".to_owned(),
-    }
-}
-
-/// A state, for people.
-pub(super) fn word(state: State) -> &'static str {
-    match state {
-        State::Ready => "ready",
-        State::Preparing => "preparing",
-        State::Running => "running",
-        State::Stopping => "stopping",
-        State::Stopped => "stopped",
-        State::Fault => "fault",
     }
 }
 

@@ -4,7 +4,6 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::remote::Asking;
-use super::status::word;
 use crate::clock::{Clock as _, MonotonicClock, SECOND_NS, nanoseconds, seconds, wall_ns};
 use crate::link::KnownBrick;
 use crate::protocol::{RunId, State, Status};
@@ -140,9 +139,9 @@ impl Watch {
                 let progress = going.progress.as_ref();
                 let (metres, points) = progress.map_or((0.0, 0), |at| (at.travelled_m, at.points));
                 let points = counted(points, "point");
-                format!("{}: {metres:.1} m, {points}{battery}", word(status.state))
+                format!("{}: {metres:.1} m, {points}{battery}", status.state)
             }
-            None => format!("{}{battery}", word(status.state)),
+            None => format!("{}{battery}", status.state),
         }
     }
 }

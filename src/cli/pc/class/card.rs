@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::brick::{Brick, Said, Seen, Stopping};
-use crate::cli::pc::status::{battery, going, word};
+use crate::cli::pc::status::{battery, going};
 use crate::clock::seconds;
 use crate::protocol::{State, Status};
 
@@ -54,16 +54,15 @@ fn stop(stopping: &Stopping, since_s: &impl Fn(i64) -> f64) -> Value {
 }
 
 /// A state for people.
-fn words(seen: &Seen) -> &'static str {
-    match (seen.silent_ns, &seen.status) {
+fn words(seen: &Seen) -> String {
+    let words = match (seen.silent_ns, &seen.status) {
         (Some(_), None) => "not heard yet",
         (Some(_), Some(_)) => "no answer",
-        (None, Some(status)) => match status.state {
-            State::Running => "driving",
-            state => word(state),
-        },
+        (None, Some(status)) if status.state == State::Running => "driving",
+        (None, Some(status)) => return status.state.to_string(),
         (None, None) => "asking",
-    }
+    };
+    words.to_owned()
 }
 
 /// How bad it is, and what of it.

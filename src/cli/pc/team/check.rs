@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::super::remote::Asking;
-use super::super::status::{battery, word};
+use super::super::status::battery;
 use super::Wanted;
 use crate::cli::{Exit, Failure, Output};
 use crate::document::nearest;
@@ -106,7 +106,7 @@ pub(in crate::cli::pc) fn unready(status: &Status) -> Option<String> {
         State::Fault => Some(format!("fault: {last}; press Enter on the brick once it is fixed")),
         State::Preparing | State::Running | State::Stopping => Some(match &status.run {
             Some(run) => format!("busy: {} ({}), started {}", run.mission, run.run, whose(&run.by)),
-            None => word(status.state).to_owned(),
+            None => status.state.to_string(),
         }),
     }
 }
