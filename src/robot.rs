@@ -49,7 +49,9 @@ use trouble::Troubles;
 
 pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::{BindError, PLUG_AGAIN, PLUG_IN};
-pub use config::{HeadRole, MotorRole, NamedMotor, NamedSensor, RobotConfig, StopButton};
+pub use config::{
+    HeadRole, MotorRole, NamedMotor, NamedSensor, RobotConfig, StopButton, WantedMotor,
+};
 pub(crate) use config::{is_name, is_own_name};
 pub use halt::{HaltError, Halted, brake_all, halt, still, watch_still};
 pub use lease::{Aspect, LEASE_MS, LeasedMotor, RENEW_NS};
@@ -135,7 +137,7 @@ impl Robot {
         let battery = self.battery.iter().map(|_| Channel::Battery);
         let sensors = self.sensors.iter().flat_map(RoleSensor::channels);
         let buttons = self.buttons_needed.iter().copied();
-        let wheels = [Channel::Left, Channel::Right].into_iter();
+        let wheels = Channel::WHEELS.into_iter();
         wheels.chain(head).chain(sensors).chain(battery).chain(motors).chain(buttons)
     }
 

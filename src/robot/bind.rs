@@ -11,7 +11,7 @@ use crate::senses::{Channel, Role};
 use super::mend::Mender;
 use super::stop::StopSwitch;
 use super::trouble::Troubles;
-use super::{Aspect, LeasedMotor, MOTORS, MotorRole, Robot, RobotConfig, RoleSensor, button};
+use super::{Aspect, LeasedMotor, Robot, RobotConfig, RoleSensor, WantedMotor, button};
 
 /// What to do about a device that is not where the file says.
 pub const PLUG_IN: &str = "plug it in there and wait three seconds, or let onbrick setup write a \
@@ -141,6 +141,10 @@ impl Robot {
         let (Some(left), Some(right), true) = (left, right, wrong.is_empty()) else {
             return Err(BindError::of(wrong));
         };
+        let turning: Vec<Channel> = config.motor_roles().map(|wanted| wanted.channel).collect();
+        let looks = Aspect::OF_COMMANDS
+            .into_iter()
+            .flat_map(|aspect| turning.iter().map(move |channel| (*channel, aspect)));
         let mut robot = Self {
             config: known,
             left,
@@ -175,16 +179,11 @@ impl Robot {
             refusals: Troubles::none(),
             settle_ns,
             mender: Mender::new(binder),
-            looks: Vec::new(),
+            looks: looks.collect(),
             look: 0,
             outside: None,
         };
-        for aspect in Aspect::OF_COMMANDS {
-            let motors = MOTORS.into_iter().filter(|channel| robot.motor_mut(*channel).is_some());
-            let motors: Vec<_> = motors.map(|channel| (channel, aspect)).collect();
-            robot.looks.extend(motors);
-        }
-        for channel in MOTORS {
+        for channel in turning {
             if let Some(motor) = robot.motor_mut(channel) {
                 let name = motor.motor().identity().name.clone();
                 robot.mender.knows(channel, name);
@@ -296,7 +295,7 @@ impl Binder {
         wanted: &WantedMotor<'_>,
         known: Option<&str>,
     ) -> Result<Option<LeasedMotor>, BindError> {
-        let role = || wanted.role.clone();
+        let role = || wanted.section.clone();
         let motor = TachoMotor::find(&self.tree, wanted.motor.port.as_ref(), None)
             .map_err(|source| BindError::Find { role: role(), source })?;
         if known == Some(motor.identity().name.as_str()) {
@@ -308,29 +307,8 @@ impl Binder {
     }
 
     fn wanted(&self, channel: Channel) -> Option<WantedMotor<'_>> {
-        let config = &self.config;
-        let wanted =
-            |role: &str, motor, max_rad_s| WantedMotor { role: role.to_owned(), motor, max_rad_s };
-        match channel {
-            Channel::Left => Some(wanted("drive.left", &config.left, config.max_wheel_rad_s)),
-            Channel::Right => Some(wanted("drive.right", &config.right, config.max_wheel_rad_s)),
-            Channel::Head => {
-                config.head.as_ref().map(|head| wanted("head", &head.motor, head.max_rad_s))
-            }
-            _ => {
-                let place = Channel::MOTORS.into_iter().position(|motor| motor == channel)?;
-                let named = config.motors.get(place)?;
-                Some(wanted(&format!("motor.{}", named.name), &named.motor, named.max_rad_s))
-            }
-        }
+        self.config.motor_roles().find(|wanted| wanted.channel == channel)
     }
-}
-
-/// A motor as a role wants it.
-struct WantedMotor<'c> {
-    role: String,
-    motor: &'c MotorRole,
-    max_rad_s: f64,
 }
 
 fn shared(config: &RobotConfig, sensor: &RoleSensor, other: &RoleSensor) -> BindError {

@@ -81,6 +81,19 @@ pub struct MotorRole {
     pub ratio: f64,
 }
 
+/// A motor as the file wants it, with where its angle goes.
+#[derive(Debug, Clone)]
+pub struct WantedMotor<'c> {
+    /// The channel of its angle.
+    pub channel: Channel,
+    /// The key of its section.
+    pub section: String,
+    /// The motor.
+    pub motor: &'c MotorRole,
+    /// The fastest that it may turn, radians per second at its axle.
+    pub max_rad_s: f64,
+}
+
 /// The motor that turns the range sensor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeadRole {
@@ -151,12 +164,23 @@ impl RobotConfig {
         }
     }
 
-    /// Its motors, each with the key of its section.
-    pub fn motor_roles(&self) -> impl Iterator<Item = (String, &MotorRole)> {
-        let drive = [("drive.left", &self.left), ("drive.right", &self.right)].into_iter();
-        let head = self.head.iter().map(|head| ("head", &head.motor));
-        let named = self.motors.iter().map(|named| (format!("motor.{}", named.name), &named.motor));
-        drive.chain(head).map(|(role, motor)| (role.to_owned(), motor)).chain(named)
+    /// Its motors, in the order of their channels.
+    pub fn motor_roles(&self) -> impl Iterator<Item = WantedMotor<'_>> {
+        let wanted = |channel, section: &str, motor, max_rad_s| {
+            let section = section.to_owned();
+            WantedMotor { channel, section, motor, max_rad_s }
+        };
+        let wheels = [
+            wanted(Channel::Left, "drive.left", &self.left, self.max_wheel_rad_s),
+            wanted(Channel::Right, "drive.right", &self.right, self.max_wheel_rad_s),
+        ];
+        let head = self.head.as_ref();
+        let head = head.map(|head| wanted(Channel::Head, "head", &head.motor, head.max_rad_s));
+        let named = Channel::MOTORS.into_iter().zip(&self.motors).map(move |(channel, named)| {
+            let section = format!("motor.{}", named.name);
+            wanted(channel, &section, &named.motor, named.max_rad_s)
+        });
+        wheels.into_iter().chain(head).chain(named)
     }
 
     /// The key of a part's section, with the part's own name where it has one.
@@ -178,7 +202,7 @@ impl RobotConfig {
             Some(StopButton::Touch(port)) => Some(("stop_button".to_owned(), Some(port))),
             _ => None,
         };
-        let motors = self.motor_roles().map(|(role, motor)| (role, motor.port.as_ref()));
+        let motors = self.motor_roles().map(|wanted| (wanted.section, wanted.motor.port.as_ref()));
         motors.chain(sensors).chain(stop)
     }
 }

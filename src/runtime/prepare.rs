@@ -235,7 +235,7 @@ fn unready(robot: &Robot, senses: &Senses, standing: Option<&Standing>) -> Optio
     let standing = standing?;
     let moved =
         |channel| Some((senses.get(channel)?.value - standing.senses.get(channel)?.value).abs());
-    for wheel in [Channel::Left, Channel::Right] {
+    for wheel in Channel::WHEELS {
         if moved(wheel).is_some_and(|moved_rad| moved_rad > WHEEL_STILL_RAD) {
             return Some(NotReady::Moving(wheel));
         }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{DeviceError, TachoMotor, Tree};
-use crate::robot::{MotorRole, PLUG_AGAIN, PLUG_IN, RobotConfig, RoleSensor, equip};
+use crate::robot::{MotorRole, PLUG_AGAIN, PLUG_IN, RobotConfig, RoleSensor, WantedMotor, equip};
 use crate::runtime::GYRO_STILL_RAD;
 use crate::senses::{Role, Unit};
 use crate::units::degrees;
@@ -56,8 +56,8 @@ pub(super) fn file(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
 /// Nothing is written to a motor: its command is opened for writing and closed again.
 pub(super) fn motors(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     let Some(config) = &examination.config else { return };
-    for (role, motor) in config.motor_roles() {
-        examine_motor(examination.patient.tree, &role, motor, diagnosis);
+    for WantedMotor { section, motor, .. } in config.motor_roles() {
+        examine_motor(examination.patient.tree, &section, motor, diagnosis);
     }
 }
 
