@@ -262,10 +262,21 @@ impl<I> Engine<I> {
     }
 }
 
-/// Where a transition leads, and which one it is; none where it is forced.
+/// Where to go, and by which transition; none where it is forced.
 struct Choice {
     to: u16,
-    transition: Option<u16>,
+    by: Option<Chosen>,
+}
+
+/// A transition whose check holds.
+#[derive(Clone, Copy)]
+struct Chosen {
+    /// As [`Taken::transition`] counts.
+    index: u16,
+    /// The state that it is looked at for.
+    state: u16,
+    /// Its place among those of that state.
+    place: usize,
 }
 
 impl<I> Running<I> {
@@ -293,14 +304,14 @@ impl<I> Running<I> {
             self.enter(self.region.start, now_ns, inputs);
         }
         let from = self.active;
-        let taken = self.choose(now_ns, inputs).map(|Choice { to, transition }| {
+        let taken = self.choose(now_ns, inputs).map(|Choice { to, by }| {
             let level = self.node(to).map_or(0, |node| node.level);
             self.leave(level, now_ns, inputs);
             let at = self.moment(level, now_ns);
-            let taking = transition.and_then(|transition| self.transition(from, transition));
-            run(taking.and_then(|transition| transition.taking.as_mut()), inputs, at);
+            let transition = by.and_then(|chosen| self.transition(chosen));
+            run(transition.and_then(|transition| transition.taking.as_mut()), inputs, at);
             self.enter(to, now_ns, inputs);
-            (from, self.active, transition)
+            (from, self.active, by.map(|chosen| chosen.index))
         });
         for state in self.chain(self.active) {
             let at = self.moment_of(state, now_ns);
@@ -312,7 +323,7 @@ impl<I> Running<I> {
     /// Where to go, by force or by the first check that holds, looked for from the outside inwards.
     fn choose(&mut self, now_ns: i64, inputs: &I) -> Option<Choice> {
         if let Some(forced) = self.forced.take() {
-            return Some(Choice { to: forced, transition: None });
+            return Some(Choice { to: forced, by: None });
         }
         let mut index = 0_u16;
         for state in self.chain(self.active) {
@@ -321,9 +332,10 @@ impl<I> Running<I> {
             let is_end = region.end == Some(state);
             let always = region.always.iter_mut().map(|next| (!is_end && next.to != state, next));
             let own = node.next.iter_mut().map(|next| (true, next));
-            for (is_looked_at, Transition { check, to, .. }) in always.chain(own) {
+            for (place, (is_looked_at, next)) in always.chain(own).enumerate() {
+                let Transition { check, to, .. } = next;
                 if is_looked_at && check(inputs, at) {
-                    return Some(Choice { to: *to, transition: Some(index) });
+                    return Some(Choice { to: *to, by: Some(Chosen { index, state, place }) });
                 }
                 index = index.saturating_add(1);
             }
@@ -331,21 +343,9 @@ impl<I> Running<I> {
         None
     }
 
-    /// A transition from a state, counted as [`Taken::transition`] counts.
-    fn transition(&mut self, from: u16, index: u16) -> Option<&mut Transition<I, u16>> {
-        let mut index = usize::from(index);
-        let mut found = None;
-        for state in self.chain(from) {
-            let (region, node) = self.around(state)?;
-            let count = region.always.len() + node.next.len();
-            if index < count {
-                found = Some(state);
-                break;
-            }
-            index -= count;
-        }
-        let (region, node) = self.around(found?)?;
-        region.always.iter_mut().chain(&mut node.next).nth(index)
+    fn transition(&mut self, chosen: Chosen) -> Option<&mut Transition<I, u16>> {
+        let (region, node) = self.around(chosen.state)?;
+        region.always.iter_mut().chain(&mut node.next).nth(chosen.place)
     }
 
     /// Leaves the active states of a level and of those inside it.
