@@ -60,9 +60,40 @@ pub enum ClientError {
 #[derive(Debug)]
 pub struct Client {
     path: PathBuf,
-    connection: Option<BufReader<UnixStream>>,
+    connection: Option<Connection>,
     next_id: u64,
     menu: bool,
+}
+
+type Connection = BufReader<Patient>;
+
+/// A stream that is waited for until a deadline, nanoseconds of the monotonic clock.
+#[derive(Debug)]
+struct Patient {
+    stream: UnixStream,
+    until_ns: i64,
+}
+
+impl Patient {
+    fn left(&self) -> io::Result<Duration> {
+        let left_ns = self.until_ns.saturating_sub(MonotonicClock.now_ns());
+        match u64::try_from(left_ns) {
+            Ok(left_ns) if left_ns > 0 => Ok(Duration::from_nanos(left_ns)),
+            _ => Err(io::ErrorKind::TimedOut.into()),
+        }
+    }
+
+    fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.stream.set_write_timeout(Some(self.left()?))?;
+        self.stream.write_all(bytes)
+    }
+}
+
+impl Read for Patient {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.stream.set_read_timeout(Some(self.left()?))?;
+        self.stream.read(bytes)
+    }
 }
 
 impl Client {
@@ -129,52 +160,48 @@ impl Client {
         request: &impl Serialize,
         patience: Duration,
     ) -> Result<Answer, ClientError> {
-        let deadline_ns = MonotonicClock.now_ns().saturating_add(span_ns(patience));
+        let until_ns = MonotonicClock.now_ns().saturating_add(span_ns(patience));
         // Only an answer that was read to its end leaves the connection in order.
-        let mut connection = self.connected(deadline_ns)?;
-        let answered = self.over(&mut connection, request, deadline_ns)?;
+        let mut connection = self.connected(until_ns)?;
+        let answered = self.over(&mut connection, request)?;
         self.connection = Some(connection);
         Ok(answered?)
     }
 
     /// The connection that there is, if the service has not closed it meanwhile, or a new one.
-    fn connected(&mut self, deadline_ns: i64) -> Result<BufReader<UnixStream>, ClientError> {
-        if let Some(connection) = self.connection.take()
+    fn connected(&mut self, until_ns: i64) -> Result<Connection, ClientError> {
+        if let Some(mut connection) = self.connection.take()
             && !is_closed(&connection)
         {
+            connection.get_mut().until_ns = until_ns;
             return Ok(connection);
         }
         let stream = UnixStream::connect(&self.path)
             .map_err(|source| ClientError::NoService { path: self.path.clone(), source })?;
-        let mut connection = BufReader::new(stream);
+        let mut connection = BufReader::new(Patient { stream, until_ns });
         if self.menu {
-            self.over(&mut connection, &LocalOnly::MenuHere, deadline_ns)??;
+            self.over(&mut connection, &LocalOnly::MenuHere)??;
         }
         Ok(connection)
     }
 
     fn over(
         &mut self,
-        connection: &mut BufReader<UnixStream>,
+        connection: &mut Connection,
         request: &impl Serialize,
-        deadline_ns: i64,
     ) -> Result<Result<Answer, Refusal>, ClientError> {
         let id = self.next_id;
         self.next_id = self.next_id.wrapping_add(1);
         let line =
             json_line(&Envelope { version: VERSION, id, request }).map_err(ClientError::Strange)?;
-        let stream = connection.get_mut();
-        stream.set_write_timeout(Some(left(deadline_ns)?)).map_err(ClientError::Lost)?;
-        stream.write_all(&line).map_err(broken)?;
-        let reply = read_reply(connection, deadline_ns)?;
+        connection.get_mut().write_all(&line).map_err(broken)?;
+        let reply = read_reply(connection)?;
         // A refusal before the request was read has no name.
         if reply.id.as_ref().is_some_and(|answered| *answered != Id::Number(id)) {
             return Err(ClientError::Lost(io::Error::other("it answered another question")));
         }
         Ok(match reply.outcome {
-            Outcome::Ok(value) => {
-                Ok(Answer { bytes: read_bytes(connection, &value, deadline_ns)?, value })
-            }
+            Outcome::Ok(value) => Ok(Answer { bytes: read_bytes(connection, &value)?, value }),
             Outcome::Error(refusal) => Err(refusal),
         })
     }
@@ -184,72 +211,36 @@ fn understood<T: DeserializeOwned>(value: serde_json::Value) -> Result<T, Client
     serde_json::from_value(value).map_err(ClientError::Strange)
 }
 
-fn read_reply(
-    connection: &mut BufReader<UnixStream>,
-    deadline_ns: i64,
-) -> Result<Reply, ClientError> {
+fn read_reply(connection: &mut Connection) -> Result<Reply, ClientError> {
     let mut line = Vec::new();
-    while line.last() != Some(&b'\n') {
-        connection
-            .get_ref()
-            .set_read_timeout(Some(left(deadline_ns)?))
-            .map_err(ClientError::Lost)?;
-        let arrived = match connection.fill_buf() {
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-            arrived => arrived.map_err(broken)?,
-        };
-        let (taken, whole) = match arrived.iter().position(|byte| *byte == b'\n') {
-            Some(end) => (end + 1, true),
-            None => (arrived.len(), false),
-        };
-        line.extend_from_slice(arrived.get(..taken).unwrap_or_default());
-        connection.consume(taken);
-        if taken == 0 || (!whole && line.len() as u64 > LONGEST_REPLY) {
-            return Err(ClientError::Lost(io::ErrorKind::UnexpectedEof.into()));
-        }
+    connection.take(LONGEST_REPLY).read_until(b'\n', &mut line).map_err(broken)?;
+    if line.last() != Some(&b'\n') {
+        return Err(ClientError::Lost(io::ErrorKind::UnexpectedEof.into()));
     }
     serde_json::from_slice(&line).map_err(ClientError::Strange)
 }
 
 /// What comes after the line of a fetch's answer: it alone has a `length` beside a `sha256`.
 fn read_bytes(
-    connection: &mut BufReader<UnixStream>,
+    connection: &mut Connection,
     value: &serde_json::Value,
-    deadline_ns: i64,
 ) -> Result<Option<Vec<u8>>, ClientError> {
     let Ok(fetched) = serde_json::from_value::<Fetched>(value.clone()) else { return Ok(None) };
-    let length = usize::try_from(fetched.length.min(MAX_FETCH_BYTES)).unwrap_or(0);
-    let mut bytes = vec![0; length];
-    let mut filled = 0;
-    while filled < length {
-        connection
-            .get_ref()
-            .set_read_timeout(Some(left(deadline_ns)?))
-            .map_err(ClientError::Lost)?;
-        match connection.read(bytes.get_mut(filled..).unwrap_or_default()) {
-            Ok(0) => return Err(ClientError::Lost(io::ErrorKind::UnexpectedEof.into())),
-            Ok(more) => filled += more,
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            Err(error) => return Err(broken(error)),
-        }
+    let length = u64::from(fetched.length.min(MAX_FETCH_BYTES));
+    let mut bytes = Vec::new();
+    connection.take(length).read_to_end(&mut bytes).map_err(broken)?;
+    if (bytes.len() as u64) < length {
+        return Err(ClientError::Lost(io::ErrorKind::UnexpectedEof.into()));
     }
     Ok(Some(bytes))
 }
 
 /// Nothing is due on a connection between two questions: what can be read is its end.
-fn is_closed(connection: &BufReader<UnixStream>) -> bool {
+fn is_closed(connection: &Connection) -> bool {
     use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
     use std::os::fd::AsFd;
-    let mut look = [PollFd::new(connection.get_ref().as_fd(), PollFlags::POLLIN)];
+    let mut look = [PollFd::new(connection.get_ref().stream.as_fd(), PollFlags::POLLIN)];
     poll(&mut look, PollTimeout::ZERO) != Ok(0)
-}
-
-fn left(deadline_ns: i64) -> Result<Duration, ClientError> {
-    let left_ns = deadline_ns.saturating_sub(MonotonicClock.now_ns());
-    match u64::try_from(left_ns) {
-        Ok(left_ns) if left_ns > 0 => Ok(Duration::from_nanos(left_ns)),
-        _ => Err(ClientError::Silent),
-    }
 }
 
 fn broken(error: io::Error) -> ClientError {
