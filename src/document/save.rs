@@ -170,7 +170,8 @@ fn keep(path: &Path, before: &[u8]) -> Result<PathBuf, SaveError> {
     }
 }
 
-fn beside(path: &Path, ending: &str) -> PathBuf {
+/// The file of the same name with one more ending.
+pub(crate) fn beside(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".");
     name.push(ending);

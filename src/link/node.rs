@@ -30,15 +30,13 @@ use std::io;
 use std::os::fd::{AsRawFd as _, OwnedFd};
 use std::os::unix::fs::FileExt as _;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 
 use nix::errno::Errno;
 use nix::fcntl::{OFlag, OpenHow, ResolveFlag, open, openat2};
 use nix::sys::stat::Mode;
 
-use crate::threads::spawn;
+use crate::threads::Background;
 
 /// How long a node waits for a request before it looks whether to end, milliseconds.
 const LOOK_MS: i32 = 50;
@@ -79,8 +77,7 @@ pub enum NodeError {
 #[derive(Debug)]
 pub struct Node {
     address: String,
-    ends: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    _answering: Background,
 }
 
 impl Node {
@@ -104,26 +101,15 @@ impl Node {
         };
         let (socket, bound) =
             listen().map_err(|source| NodeError::Listen { address: address.to_owned(), source })?;
-        let ends = Arc::new(AtomicBool::new(false));
         let files = Files { root, kept: BTreeMap::new() };
-        let told = Arc::clone(&ends);
-        let thread = spawn("node", move || answer_all(&socket, files, &told));
-        Ok(Self { address: bound, ends, thread: Some(thread.map_err(NodeError::Thread)?) })
+        let answering = Background::start("node", move |ends| answer_all(&socket, files, ends));
+        Ok(Self { address: bound, _answering: answering.map_err(NodeError::Thread)? })
     }
 
     /// Where it listens.
     #[must_use]
     pub fn address(&self) -> &str {
         &self.address
-    }
-}
-
-impl Drop for Node {
-    fn drop(&mut self) {
-        self.ends.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
     }
 }
 

@@ -28,8 +28,6 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 
 use fuser::{BackgroundSession, Config, MountOption, Session, SessionACL};
 use nix::unistd::geteuid;
@@ -40,6 +38,7 @@ pub use self::point::{MountError, Remedy, Unfit};
 use super::driver::input::EventLayout;
 use super::{SimBrick, Simulation};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+use crate::threads::Background;
 
 mod events;
 mod files;
@@ -58,8 +57,7 @@ pub struct Mount {
     identity: Option<String>,
     robots: usize,
     session: Option<BackgroundSession>,
-    ticker: Option<JoinHandle<()>>,
-    stop: Arc<AtomicBool>,
+    ticker: Option<Background>,
 }
 
 /// What was done to the folder before something was mounted there; a person wants to know it.
@@ -104,13 +102,9 @@ impl Mount {
         let failed = |source| MountError::Failed { point: point.clone(), source };
         let session =
             Session::new(files, &point, &config).and_then(Session::spawn).map_err(failed)?;
-        let stop = Arc::new(AtomicBool::new(false));
-        let ticker = ticker::spawn(simulation.clone(), open, Arc::clone(&stop)).map_err(failed)?;
+        let ticker = ticker::start(simulation.clone(), open).map_err(failed)?;
         let identity = point::identity(&point);
-        Ok((
-            Self { point, identity, robots, session: Some(session), ticker: Some(ticker), stop },
-            found,
-        ))
+        Ok((Self { point, identity, robots, session: Some(session), ticker: Some(ticker) }, found))
     }
 
     /// The folder, as the kernel calls it.
@@ -141,11 +135,7 @@ impl Mount {
     }
 
     fn end(&mut self) -> Result<(), MountError> {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(ticker) = self.ticker.take() {
-            // A panic of the ticker has been reported already.
-            let _ = ticker.join();
-        }
+        drop(self.ticker.take());
         let Some(session) = self.session.take() else { return Ok(()) };
         // Another program may have unmounted it, and even have mounted something new.
         if self.identity.is_some() && point::identity(&self.point) == self.identity {

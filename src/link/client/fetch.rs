@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use super::session::{Answered, Session, Waited};
 use super::{ClientError, Kind};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
+use crate::document::save::beside;
 use crate::protocol::{Fetch, Fetched, MAX_FETCH_BYTES, Request, RunId};
 use crate::service::digest::sha256_hex_of;
 
@@ -50,9 +51,7 @@ impl FetchProgress {
 /// The file that a recording lies in until it is whole, beside the one that it will be.
 #[must_use]
 pub fn part_of(file: &Path) -> PathBuf {
-    let mut name = file.as_os_str().to_owned();
-    name.push(".part");
-    PathBuf::from(name)
+    beside(file, "part")
 }
 
 /// What of a recording has come: the whole file, or that of [`part_of`].

@@ -15,6 +15,7 @@ use crate::link::keys::{Authorised, KeyPair, PublicKey};
 use crate::link::pairing;
 use crate::protocol::{Kind, NotUnderstood, Operations, Outcome, Refusal, Request, parse};
 use crate::service::config::LinkConfig;
+use crate::threads::Background;
 
 /// Requests that may wait for their answer: of one connection, and of all.
 const MOST_WAITING_OF_ONE: usize = 16;
@@ -32,7 +33,7 @@ pub(super) struct Front<'s> {
     router: Router,
     pairing: Option<Router>,
     workers: Workers,
-    handler: zap::Handler,
+    handler: Background,
     authorised: Authorised,
     waiting: BTreeMap<Vec<u8>, usize>,
     context: zmq::Context,
@@ -51,7 +52,7 @@ impl<'s> Front<'s> {
     ) -> Result<Self, ServerError> {
         make_room_for_descriptors();
         let authorised = Authorised::below(&config.keys);
-        let handler = zap::Handler::start(context, authorised.clone(), Arc::clone(&shared.window))?;
+        let handler = zap::handler(context, authorised.clone(), Arc::clone(&shared.window))?;
         let workers = Workers::start(context, &operations)?;
         let endpoint = endpoint(&config.listens.address, config.listens.port);
         let router = Router::open(context, &own, zap::REQUESTS, &endpoint)?;

@@ -6,12 +6,11 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 
 use super::{NAP_MS, ServerError};
 use crate::link::keys::{Authorised, PublicKey};
 use crate::link::pairing::PairingWindow;
-use crate::threads::spawn;
+use crate::threads::Background;
 
 /// Where libzmq asks.
 const ENDPOINT: &str = "inproc://zeromq.zap.01";
@@ -20,48 +19,21 @@ const ENDPOINT: &str = "inproc://zeromq.zap.01";
 pub(super) const REQUESTS: &str = "onbrick";
 pub(super) const PAIRING: &str = "onbrick.pairing";
 
-/// The thread that is asked. Dropping it ends it.
-#[derive(Debug)]
-pub(super) struct Handler {
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Handler {
-    /// Is bound when this returns.
-    pub(super) fn start(
-        context: &zmq::Context,
-        authorised: Authorised,
-        window: Arc<PairingWindow>,
-    ) -> Result<Self, ServerError> {
-        let socket = context.socket(zmq::REP).map_err(ServerError::Socket)?;
-        socket.set_linger(0).map_err(ServerError::Socket)?;
-        socket.set_rcvtimeo(i32::from(NAP_MS)).map_err(ServerError::Socket)?;
-        socket.bind(ENDPOINT).map_err(ServerError::Socket)?;
-        let stop = Arc::new(AtomicBool::new(false));
-        let stopped = Arc::clone(&stop);
-        let serve = move || {
-            let asked = Asked { socket, authorised, window };
-            while !stopped.load(Ordering::Relaxed) && asked.answer_one() {}
-        };
-        let thread = spawn("zap", serve).map_err(ServerError::Thread)?;
-        Ok(Self { stop, thread: Some(thread) })
-    }
-
-    /// True once the handler has ended, however it did.
-    pub(super) fn is_gone(&self) -> bool {
-        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
-    }
-}
-
-impl Drop for Handler {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A thread that has panicked is gone as well.
-            let _ = thread.join();
-        }
-    }
+/// Starts the thread that is asked; it is bound when this returns.
+pub(super) fn handler(
+    context: &zmq::Context,
+    authorised: Authorised,
+    window: Arc<PairingWindow>,
+) -> Result<Background, ServerError> {
+    let socket = context.socket(zmq::REP)?;
+    socket.set_linger(0)?;
+    socket.set_rcvtimeo(i32::from(NAP_MS))?;
+    socket.bind(ENDPOINT)?;
+    let serve = move |stop: &AtomicBool| {
+        let asked = Asked { socket, authorised, window };
+        while !stop.load(Ordering::Relaxed) && asked.answer_one() {}
+    };
+    Background::start("zap", serve).map_err(ServerError::Thread)
 }
 
 struct Asked {

@@ -4,24 +4,19 @@
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 
 use super::open::Open;
 use crate::clock::{Clock, MonotonicClock};
 use crate::sim::Simulation;
 use crate::sim::files::LOOK_NS;
-use crate::threads;
+use crate::threads::Background;
 
 /// A waiting reader is checked for an interrupt once in this many ticks.
 const INTERRUPT_TICKS: u32 = 5;
 
-/// Starts it; it ends when `stop` is set.
-pub(super) fn spawn(
-    simulation: Simulation,
-    open: Arc<Open>,
-    stop: Arc<AtomicBool>,
-) -> io::Result<JoinHandle<()>> {
-    threads::spawn("sim-ticker", move || run(&simulation, &open, &stop))
+/// Starts it.
+pub(super) fn start(simulation: Simulation, open: Arc<Open>) -> io::Result<Background> {
+    Background::start("sim-ticker", move |stop| run(&simulation, &open, stop))
 }
 
 fn run(simulation: &Simulation, open: &Open, stop: &AtomicBool) {
