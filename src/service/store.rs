@@ -298,8 +298,8 @@ impl Store {
     /// Runs without an end that are not known to be in progress: an earlier service died over them.
     pub(super) fn open_ended(&self) -> Vec<Record> {
         let index = self.index();
-        let open = |record: &&Record| record.end.is_none() && !index.is_going_on(&record.run);
-        index.runs.values().map(|entry| &entry.record).filter(open).cloned().collect()
+        let records = index.over().map(|entry| &entry.record);
+        records.filter(|record| record.end.is_none()).cloned().collect()
     }
 
     /// How the newest run ended, where it did.
@@ -373,16 +373,9 @@ impl Store {
     pub(super) fn hash_one(&self) -> bool {
         let unhashed = {
             let index = self.index();
-            let wanted =
-                |record: &&Record| record.sha256.is_none() && !index.is_going_on(&record.run);
             // The newest is what a client waits for.
-            index
-                .runs
-                .values()
-                .rev()
-                .map(|entry| &entry.record)
-                .find(wanted)
-                .map(|record| record.run.clone())
+            let newest = index.over().rev().find(|entry| entry.record.sha256.is_none());
+            newest.map(|entry| entry.record.run.clone())
         };
         let Some(run) = unhashed else { return false };
         let hash = match sha256_hex_of(&self.recording(&run)) {
@@ -470,6 +463,11 @@ impl Index {
 
     fn is_going_on(&self, run: &RunId) -> bool {
         self.going_on.as_ref() == Some(run)
+    }
+
+    /// All but the run that is going on, oldest first.
+    fn over(&self) -> impl DoubleEndedIterator<Item = &Entry> {
+        self.runs.values().filter(|entry| !self.is_going_on(&entry.record.run))
     }
 
     fn find(&self, run: &RunId) -> Option<&Entry> {

@@ -1,6 +1,6 @@
 //! Room for a run: which runs go when there is none.
 
-use super::{Entry, RESERVE_BYTES, Store, StoreError, files};
+use super::{RESERVE_BYTES, Store, StoreError, files};
 use crate::protocol::RunId;
 
 impl Store {
@@ -51,9 +51,7 @@ impl Store {
     pub(super) fn could_have_room(&self) -> Result<(), StoreError> {
         let free = files::free(&self.folder);
         let index = self.index();
-        let may_go =
-            index.runs.values().filter(|entry| index.going_on.as_ref() != Some(&entry.record.run));
-        let could_be = may_go.map(|entry| entry.bytes).fold(free, u64::saturating_add);
+        let could_be = index.over().map(|entry| entry.bytes).fold(free, u64::saturating_add);
         let needed = if index.going_on.is_some() { RESERVE_BYTES / 4 } else { RESERVE_BYTES };
         if could_be >= needed {
             Ok(())
@@ -65,8 +63,7 @@ impl Store {
     /// The oldest that was fetched, else the oldest.
     fn next_to_go(&self) -> Option<RunId> {
         let index = self.index();
-        let may_go = |entry: &&Entry| index.going_on.as_ref() != Some(&entry.record.run);
-        let fetched = index.runs.values().filter(may_go).find(|entry| entry.record.fetched);
-        fetched.or_else(|| index.runs.values().find(may_go)).map(|entry| entry.record.run.clone())
+        let fetched = index.over().find(|entry| entry.record.fetched);
+        fetched.or_else(|| index.over().next()).map(|entry| entry.record.run.clone())
     }
 }
