@@ -34,9 +34,7 @@ mod syntax;
 mod values;
 
 pub(crate) use finding::nearest_or_all;
-#[cfg(feature = "cli")]
-pub(crate) use finding::one_of;
-pub use finding::{Finding, Findings, Severity, nearest};
+pub use finding::{Finding, Findings, Severity, nearest, one_of};
 pub use kind::Kind;
 pub use load::read_bounded;
 pub use parts::append;

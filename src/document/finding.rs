@@ -197,10 +197,9 @@ pub(crate) fn nearest_or_all<'c>(
         .unwrap_or_else(|| format!("{words} {}", candidates.collect::<Vec<_>>().join(", ")))
 }
 
-/// All of them, and the one that is near, for a hint where there are few: "one of a, b; did you mean
-/// `a`?".
-#[cfg(feature = "cli")]
-pub(crate) fn one_of<'c>(word: &str, candidates: impl Iterator<Item = &'c str> + Clone) -> String {
+/// All of them, and [`nearest`]: "one of a, b; did you mean `a`?".
+#[must_use]
+pub fn one_of<'c>(word: &str, candidates: impl Iterator<Item = &'c str> + Clone) -> String {
     let near = nearest(word, candidates.clone()).map(|near| format!("; {near}"));
     let all = candidates.collect::<Vec<_>>().join(", ");
     format!("one of {all}{}", near.unwrap_or_default())

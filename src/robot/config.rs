@@ -467,8 +467,7 @@ fn named_sensor(item: &Item<'_>) -> Option<(NamedSensor, Plug)> {
     let name = own_name(item, "sensor");
     let words: Vec<(&str, Channel)> =
         Channel::measurable().map(|quantity| (quantity.name, quantity.channel)).collect();
-    let measures = section.require("measures").and_then(|item| item.word(&words));
-    let measures = measures?;
+    let measures = section.require("measures").and_then(|item| item.word(&words))?;
     let plug = plug(&section, measures.quantity().role);
     Some((NamedSensor { name: name?, measures }, plug?))
 }
