@@ -2,7 +2,7 @@
 //! editors draw.
 //!
 //! Each machine is a box, each state a node with its name, each transition an arrow with its
-//! condition. Names and conditions go in as text with every character escaped that Mermaid would
+//! condition; the way that blocked wheels lead (`on_stall`) has no condition and is called so. Names and conditions go in as text with every character escaped that Mermaid would
 //! take for its own, so that any name can be drawn.
 
 use std::fmt::{self, Write};
@@ -63,12 +63,13 @@ fn write_region(
     }
     // What holds in all states is drawn once, from a node that stands for them.
     let always = parent.map_or_else(|| "always".to_owned(), |parent| format!("s{parent}always"));
-    for (at, transition) in region.always.iter().enumerate() {
+    let ways = region.always.iter().map(|next| (next.go, escaped(next.when.text())));
+    let stall = region.on_stall.map(|go| (go, "on_stall".to_owned()));
+    for (at, (go, when)) in ways.chain(stall).enumerate() {
         if at == 0 {
             writeln!(out, "{indent}state \"(always)\" as m{index}{always}")?;
         }
-        let when = escaped(transition.when.text());
-        writeln!(out, "{indent}m{index}{always} --> m{index}s{} : {when}", transition.go)?;
+        writeln!(out, "{indent}m{index}{always} --> m{index}s{go} : {when}")?;
     }
     match region.end {
         Some(end) => writeln!(out, "{indent}m{index}s{end} --> [*]"),
@@ -115,5 +116,24 @@ mod tests {
     }
 ";
         assert_eq!(mermaid(&mission), expected);
+    }
+
+    #[test]
+    fn blocked_wheels_lead_out_of_every_state_of_a_machine_and_of_a_sub_machine() {
+        let text = "name = \"m\"\non_stall = \"back\"\n[machine.d]\n\
+            always = [{ when = \"touch\", go = \"back\" }]\n\
+            [machine.d.state.on]\nuse = \"s\"\n\
+            [machine.d.state.back]\ndo = { drive_m = -0.1 }\n\
+            next = [{ when = \"done\", go = \"on\" }]\n\
+            [submachine.s]\non_stall = \"away\"\n\
+            [submachine.s.state.away]\ndo = { forward_mps = 0.1 }\n";
+        let (mission, _) = Mission::parse("m.toml", text.as_bytes(), &Capabilities::all()).unwrap();
+        let drawn = mermaid(&mission);
+        let expected = "        state \"(always)\" as m0always
+        m0always --> m0s2 : touch
+        m0always --> m0s2 : on_stall
+";
+        assert!(drawn.contains(expected), "{drawn}");
+        assert!(drawn.contains("m0s0always --> m0s1 : on_stall"), "{drawn}");
     }
 }
