@@ -357,7 +357,11 @@ impl<'d> Item<'d> {
                 clippy::cast_precision_loss,
                 reason = "a number of a person's, far below 2^53"
             )]
-            DeValue::Integer(_) => self.whole().map(|whole| whole as f64),
+            DeValue::Integer(integer) => match self.whole() {
+                Some(whole) => Some(whole as f64),
+                // More digits than an integer has.
+                None => integer.as_str().parse().ok(),
+            },
             _ => None,
         };
         self.within(self.typed(number, "a number")?, range)
@@ -365,10 +369,16 @@ impl<'d> Item<'d> {
 
     /// The value as a whole number within `range`.
     pub fn integer(&self, range: RangeInclusive<i64>) -> Option<i64> {
-        self.within(self.typed(self.whole(), "a whole number")?, range)
+        match self.value.get_ref() {
+            DeValue::Integer(digits) if self.whole().is_none() => {
+                self.beyond(digits.as_str(), &range);
+                None
+            }
+            _ => self.within(self.typed(self.whole(), "a whole number")?, range),
+        }
     }
 
-    fn within<N: PartialOrd + fmt::Display>(
+    fn within<N: PartialOrd + fmt::Display + fmt::LowerExp>(
         &self,
         number: N,
         range: RangeInclusive<N>,
@@ -376,9 +386,17 @@ impl<'d> Item<'d> {
         if range.contains(&number) {
             return Some(number);
         }
+        /// No more letters are read as a number at a glance.
+        const READABLE: usize = 20;
+        let plain = number.to_string();
+        let shown = if plain.len() > READABLE { format!("{number:e}") } else { plain };
+        self.beyond(&shown, &range);
+        None
+    }
+
+    fn beyond<N: fmt::Display>(&self, number: &str, range: &RangeInclusive<N>) {
         let (low, high) = (range.start(), range.end());
         self.error(format!("`{}` is {number}; it can be {low} to {high}", self.path));
-        None
     }
 
     /// The value as a table.
@@ -445,15 +463,36 @@ impl<'d> Item<'d> {
     fn typed<T>(&self, value: Option<T>, expected: &str) -> Option<T> {
         if value.is_none() {
             let found = self.value.get_ref().type_str();
-            let noted =
-                self.error(format!("`{}` must be {expected}, not a TOML {found}", self.path));
-            // "10s" is meant as a number.
-            let number = self.value.get_ref().as_str().and_then(leading_number);
-            if let Some(number) = number.filter(|_| expected.ends_with("number")) {
-                noted.hint(format!("write {number} without quotes; the unit is part of the name"));
-            }
+            self.error(format!("`{}` must be {expected}, not a TOML {found}", self.path))
+                .hint(self.other_form(expected).unwrap_or_default());
         }
         value
+    }
+
+    /// How what was meant is written.
+    fn other_form(&self, expected: &str) -> Option<String> {
+        let raw = self.source.document.text.get(self.value.span()).unwrap_or_default();
+        match self.value.get_ref() {
+            // "10s" is meant as a number.
+            DeValue::String(text) if expected.ends_with("number") => {
+                leading_number(text).map(|number| {
+                    format!("write {number} without quotes; the unit is part of the name")
+                })
+            }
+            DeValue::Boolean(_) if expected.ends_with("number") => {
+                Some("write 1 for true and 0 for false".to_owned())
+            }
+            DeValue::Boolean(_) if expected.starts_with("text") => {
+                Some(format!("write `\"{raw}\"`"))
+            }
+            DeValue::Table(_) if expected.starts_with("a list") => {
+                Some(match raw.starts_with('{') {
+                    true => "put `[` before it and `]` behind it".to_owned(),
+                    false => format!("write `[[{}]]`", self.path),
+                })
+            }
+            _ => None,
+        }
     }
 }
 
@@ -549,6 +588,32 @@ error: unknown key `track_widht_m` in [drive]
         assert!(error.contains("`b` is 5; it can be 0 to 1"), "{error}");
         assert!(error.contains("`c` is NaN; it can be 0 to 1"), "{error}");
         assert!(error.contains("`d` is missing"), "{error}");
+    }
+
+    #[test]
+    fn what_was_meant_is_told_where_another_kind_of_value_stands() {
+        let text = "a = 1e300\nb = 99999999999999999999\nc = -99999999999999999999\nd = true\n\
+            e = true\nf = { x = 1 }\n[g]\nx = 1\n";
+        let error = read(text, |root| {
+            let numbers =
+                ["a", "b", "d"].map(|key| root.get(key).and_then(|item| item.number(0.0..=9.0)));
+            let whole = root.get("c").and_then(|item| item.integer(0..=9));
+            let text = root.get("e").and_then(|item| item.text()).is_some();
+            let lists = ["f", "g"].map(|key| root.get(key).and_then(|item| item.list()));
+            Some((numbers, whole, text, lists.map(|list| list.is_some())))
+        })
+        .unwrap_err();
+        for told in [
+            "`a` is 1e300; it can be 0 to 9\n",
+            "`b` is 1e20; it can be 0 to 9\n",
+            "`c` is -99999999999999999999; it can be 0 to 9\n",
+            "write 1 for true and 0 for false\n",
+            "write `\"true\"`\n",
+            "put `[` before it and `]` behind it\n",
+            "write `[[g]]`\n",
+        ] {
+            assert!(error.contains(told), "{told}{error}");
+        }
     }
 
     #[test]

@@ -73,10 +73,10 @@ impl Finding {
         Self { file: file.to_owned(), line, column, severity, message, hint: None, source, width }
     }
 
-    /// The same finding with a way out.
+    /// The same finding with a way out; an empty one is left out.
     #[must_use]
     pub fn with_hint(mut self, hint: &str) -> Self {
-        self.hint = Some(printable::line(hint).into_owned());
+        self.hint = (!hint.is_empty()).then(|| printable::line(hint).into_owned());
         self
     }
 }

@@ -27,6 +27,7 @@ pub(super) fn explain(text: &str, place: &Range<usize>, said: &str) -> Explained
         twice(text, at)
     } else {
         open_text(text, at)
+            .or_else(|| bare_point(text, at))
             .or_else(|| decimal_comma(text, at))
             .or_else(|| colon(text, at))
             .or_else(|| bare(text, at))
@@ -121,6 +122,29 @@ fn open_text(text: &str, at: usize) -> Option<Explained> {
         place: start..line.end,
         message: "this text is not closed".to_owned(),
         hint: "put a `\"` where it ends".to_owned(),
+    })
+}
+
+/// A number that begins or ends with its point.
+fn bare_point(text: &str, at: usize) -> Option<Explained> {
+    let line = line_of(text, at);
+    let in_number = |letter: char| letter.is_ascii_digit() || "+-.".contains(letter);
+    let start = line.start + text[line.start..at].trim_end_matches(in_number).len();
+    let end = line.end - text[at..line.end].trim_start_matches(in_number).len();
+    let place = start..end;
+    let number = &text[place.clone()];
+    let (sign, digits) =
+        number.split_at(number.len() - number.trim_start_matches(['+', '-']).len());
+    let whole = match digits.split_once('.')? {
+        ("", after) => format!("{sign}0.{after}"),
+        (before, "") => format!("{sign}{before}.0"),
+        _ => return None,
+    };
+    whole.parse::<f64>().ok()?;
+    Some(Explained {
+        place,
+        message: "a number has a digit on both sides of its point".to_owned(),
+        hint: format!("write `{whole}`"),
     })
 }
 
@@ -300,6 +324,13 @@ mod tests {
                 "0,25 }",
             ),
             ("rate = 0,5\n", "a decimal number has a point", "write `0.5`", "0,5"),
+            (
+                "do = { goto = [1.0, -.5] }\n",
+                "a number has a digit on both sides of its point",
+                "write `-0.5`",
+                "-.5] }",
+            ),
+            ("rate = 5.\n", "a number has a digit on both sides of its point", "write `5.0`", "5."),
             (
                 "do = { a = 1\nnext = [{ when = \"touch\" }]\n[x]\n",
                 "this `{` is not closed",
