@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::load::{Draft, Reader};
-use super::{MachinePlan, OnStall, TransitionPlan};
+use super::{DrivePlan, MachinePlan, OnStall, TransitionPlan};
+use crate::behavior::engine::Finish;
 use crate::behavior::expression::Claims;
 use crate::document::{Section, Severity, nearest};
 use crate::senses::{Channel, Role};
@@ -38,8 +39,16 @@ pub(super) fn on_stall(root: &Section<'_>, drafts: &mut [Draft]) -> Option<OnSta
 
 /// All checks that take more than one key; those of ways only where all that leads somewhere is
 /// known.
-pub(super) fn whole(reader: &Reader<'_, '_, '_>, drafts: &[Draft], ways_are_known: bool) {
+pub(super) fn whole(
+    reader: &Reader<'_, '_, '_>,
+    drafts: &[Draft],
+    finish: Finish,
+    ways_are_known: bool,
+) {
     let root = reader.root;
+    if finish == Finish::Any || drafts.len() == 1 {
+        drafts.iter().for_each(|draft| after_the_end(root, &draft.plan));
+    }
     one_machine_each(reader, drafts);
     one_mode_each(reader);
     for draft in drafts {
@@ -47,6 +56,25 @@ pub(super) fn whole(reader: &Reader<'_, '_, '_>, drafts: &[Draft], ways_are_know
         if draft.complete && ways_are_known {
             paths(root, draft, &impossible);
         }
+    }
+}
+
+/// What a final state says where the mission ends with it.
+fn after_the_end(root: &Section<'_>, plan: &MachinePlan) {
+    let Some(state) = plan.region.end.and_then(|end| plan.state(end)) else { return };
+    let name = &state.name;
+    let warn = |place: &Range<usize>, what: &str| {
+        let message = format!("the mission ends in the final state `{name}`: {what}");
+        root.note(place.clone(), Severity::Warning, message)
+            .hint("let one more state come before it, or be final");
+    };
+    if state.doing.roles().next().is_some()
+        && !matches!(state.doing.drive, Some(DrivePlan::Stop(_)))
+    {
+        warn(&state.place, "nothing moves there");
+    }
+    if let Some(next) = state.next.first() {
+        warn(&next.place, "no condition is looked at there");
     }
 }
 

@@ -118,7 +118,7 @@ impl<'d> Reader<'_, 'd, '_> {
         let on_stall = checks::on_stall(root, &mut drafts);
         // A slip in the name of the state for a stall would look like a state that cannot be
         // reached.
-        checks::whole(&self, &drafts, on_stall.is_some());
+        checks::whole(&self, &drafts, finish.unwrap_or(Finish::All), on_stall.is_some());
         let used: Vec<Channel> = self.uses.iter().map(|(channel, _)| *channel).collect();
         Some(Mission {
             name: name?,

@@ -252,6 +252,24 @@ fn cases() -> Vec<(&'static str, String)> {
         ("a brace that is missing", state("do = { forward_mps = 0.1")),
         ("a state twice", state("") + "[machine.drive.state.a]\n"),
         ("a variable that is none", state("on_entry = { set = { foud = 1 } }")),
+        ("a variable that the language has", state("on_entry = { set = { range_m = 1 } }")),
+        ("a truth for a number", mission("[variables]\nseen = false", "")),
+        ("a number without its nought", state("do = { forward_mps = -.25 }")),
+        ("a number of too many digits", state("do = { drive_m = 99999999999999999999 }")),
+        (
+            "a transition that is no list, and one in a table of its own",
+            mission(
+                "",
+                "[machine.drive.state.a]\nnext = { when = \"touch\", go = \"b\" }\n\
+                 [machine.drive.state.b]\n[machine.drive.state.b.next]\nwhen = \"touch\"\n",
+            ),
+        ),
+        ("a slip in `state`", "name = \"m\"\n[machine.drive.stat.a]\n".to_owned()),
+        (
+            "a final state that moves, and has a way on",
+            state("do = { forward_mps = 0.1 }")
+                + "do = { drive_m = 1 }\nnext = [{ when = \"done\", go = \"a\" }]\n",
+        ),
         (
             "an expression where it does not fit",
             state("do = { forward_mps = \"range_m < 1\", turn_dps = \"touch\" }"),

@@ -9,7 +9,7 @@ use std::ops::{Range, RangeInclusive};
 use super::done::is_to_end;
 use super::{Reader, is_name};
 use crate::behavior::engine::LEVELS;
-use crate::behavior::expression::{Kind, SEARCHED};
+use crate::behavior::expression::{Kind, SEARCHED, Vocabulary};
 use crate::behavior::mission::{
     Assignment, MachinePlan, Mission, RegionPlan, StatePlan, TransitionPlan,
 };
@@ -125,6 +125,8 @@ impl<'d> Reader<'_, 'd, '_> {
         section: Section<'d>,
         walk: &mut Walk<'d>,
     ) -> Option<Layout<'d>> {
+        let keys: &[&str] = if walk.used.is_empty() { &MACHINE } else { &SUBMACHINE };
+        section.allow(keys);
         let items = section.require("state")?.section()?.items();
         if items.is_empty() {
             section.error(format!("machine `{}` has no state", printable::name(item.key())));
@@ -246,7 +248,6 @@ impl<'d> Reader<'_, 'd, '_> {
             complete: true,
         };
         item.key().clone_into(&mut self.vocabulary.scope);
-        layout.section.allow(&MACHINE);
         draft.plan.region = self.region(item.key(), layout, None, &mut draft);
         self.vocabulary.scope.clear();
         draft
@@ -351,7 +352,6 @@ impl<'d> Reader<'_, 'd, '_> {
             let outside = self.vocabulary.scope.len();
             self.vocabulary.scope.push('.');
             self.vocabulary.scope.push_str(item.key());
-            layout.section.allow(&SUBMACHINE);
             let used = format!("{}.{}", names.machine, item.key());
             let region = self.region(&used, layout, Some(*places.start()), draft);
             self.vocabulary.scope.truncate(outside);
@@ -434,11 +434,14 @@ impl<'d> Reader<'_, 'd, '_> {
         let variable = self.vocabulary.variable(name);
         if variable.is_none() {
             let names = || self.vocabulary.variables.iter().map(|(name, _)| name.as_str());
-            let hint = match self.vocabulary.numbers.contains_key(name) {
-                true => "one of [numbers] does not change; it can be one of [variables]".to_owned(),
-                false => nearest(name, names()).unwrap_or_else(|| {
+            let hint = if self.vocabulary.numbers.contains_key(name) {
+                "one of [numbers] does not change; it can be one of [variables]".to_owned()
+            } else if Vocabulary::is_taken(name) {
+                "it already has a meaning in conditions; give a variable another name".to_owned()
+            } else {
+                nearest(name, names()).unwrap_or_else(|| {
                     format!("`{} = 0` in [variables] makes it one", printable::name(name))
-                }),
+                })
             };
             item.error_at_key(format!("there is no variable `{}`", printable::name(name)))
                 .hint(hint);
