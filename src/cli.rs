@@ -16,6 +16,7 @@ use std::ffi::OsString;
 use std::io::Write as _;
 use std::process::ExitCode;
 
+use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory as _, FromArgMatches as _, Parser};
 
 mod brick;
@@ -52,6 +53,7 @@ mod sim;
 use output::{Context, Hint};
 pub use output::{Exit, Failure, Output};
 
+use crate::document::nearest;
 use crate::printable::{self, Layout};
 
 /// Runs LEGO EV3 robots under ev3dev: missions, maps, and a simulated brick to try them on.
@@ -125,10 +127,11 @@ commands! {
 
 /// Parses the arguments, runs the one command they name, and gives its exit code.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let parsed = described().try_get_matches_from(arguments);
+    let parsed = described().try_get_matches_from(with_whole_numbers(arguments));
     let arguments = match parsed.and_then(|matches| Arguments::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
-        Err(error) => {
+        Err(mut error) => {
+            keep_near_tips(&mut error);
             // `--help` and `--version` come here too; their exit code is 0, that of a wrong usage
             // 2. An argument may be a file's name that the shell found.
             let text = error.render().to_string();
@@ -170,6 +173,39 @@ fn described() -> clap::Command {
         command.mut_subcommands(flowing)
     }
     Arguments::command().mut_subcommands(flowing)
+}
+
+/// The arguments, `-.5` among them as `-0.5`: clap takes the first for an option. What follows `--`
+/// is another program's.
+fn with_whole_numbers(
+    arguments: impl IntoIterator<Item = OsString>,
+) -> impl Iterator<Item = OsString> {
+    let mut is_ours = true;
+    arguments.into_iter().map(move |argument| {
+        is_ours &= argument != "--";
+        let digits = argument.to_str().and_then(|text| text.strip_prefix("-."));
+        match digits.filter(|digits| is_ours && digits.starts_with(|at: char| at.is_ascii_digit()))
+        {
+            Some(digits) => format!("-0.{digits}").into(),
+            None => argument,
+        }
+    })
+}
+
+/// Takes out clap's tip, and the usage that is made of it, where the option that it names has little
+/// to do with the one that was given.
+fn keep_near_tips(error: &mut clap::Error) {
+    let (given, tip) = (ContextKind::InvalidArg, ContextKind::SuggestedArg);
+    let is_near = match (error.get(given), error.get(tip)) {
+        (Some(ContextValue::String(given)), Some(ContextValue::String(tip))) => {
+            nearest(given.trim_start_matches('-'), [tip.trim_start_matches('-')]).is_some()
+        }
+        _ => true,
+    };
+    if !is_near {
+        error.remove(tip);
+        error.remove(ContextKind::Usage);
+    }
 }
 
 /// The longest record of the log, characters.

@@ -77,7 +77,7 @@ pub(super) struct Arguments {
     /// start poses.
     #[arg(long, value_parser = pose, value_name = "X,Y,DEG", allow_hyphen_values = true)]
     pose: Option<[f64; 3]>,
-    /// Give one of the mission's own numbers another value; can be repeated.
+    /// Give one of the mission's own numbers, or its time_limit_s, another value; can be repeated.
     #[arg(long, value_parser = setting, value_name = "NAME=VALUE")]
     set: Vec<(String, f64)>,
     /// Folder for the recording, run.mcap; without it, the next free one under onbrick-runs.

@@ -24,7 +24,7 @@ pub(in crate::cli) struct Arguments {
     /// The robot's pose at the start: metres, metres, degrees.
     #[arg(long, value_parser = pose, value_name = "X,Y,DEG", allow_hyphen_values = true)]
     pose: Option<[f64; 3]>,
-    /// Give one of the mission's own numbers another value; can be repeated.
+    /// Give one of the mission's own numbers, or its time_limit_s, another value; can be repeated.
     #[arg(long, value_parser = setting, value_name = "NAME=VALUE")]
     set: Vec<(String, f64)>,
 }

@@ -46,7 +46,7 @@ pub(in crate::cli) struct Arguments {
     /// it onbrick-team, or the next free one, onbrick-team-2.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Give one of the mission's own numbers another value; can be repeated.
+    /// Give one of the mission's own numbers, or its time_limit_s, another value; can be repeated.
     #[arg(long, value_parser = setting, value_name = "NAME=VALUE")]
     set: Vec<(String, f64)>,
     /// A driving brick that is not heard for this many seconds is given up; the others continue.

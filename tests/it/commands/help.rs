@@ -79,6 +79,8 @@ fn wrong_usage_ends_with_2_and_says_what_is_right() {
         (&["bricks", "--timeout", "-1"], "0.1 to 86400"),
         (&["bricks", "--discover", "--listen", "-0.5"], "0.1 to 86400"),
         (&["team", "team.toml", "--lost", "-1e3"], "0.1 to 86400"),
+        (&["demo", "--seconds", "-.5"], "invalid value '-0.5'"),
+        (&["run", "map", "--seconds", "5"], "unexpected argument '--seconds'"),
         (&["demo", "--seed", "-1"], "invalid value '-1'"),
         (&["plot", "a.mcap"], "--output"),
         (&["plot", "a.mcap", "-o", "a.bmp"], ".svg, .png, .pdf or .html"),
@@ -98,6 +100,8 @@ fn wrong_usage_ends_with_2_and_says_what_is_right() {
         assert_eq!(said.out, "", "{arguments:?}");
     }
     assert_eq!(super::names(folder.path()), [""; 0], "wrong usage leaves nothing behind");
+    let said = run(folder.path(), &["run", "map", "--seconds", "5"]).expect(2);
+    assert!(!said.err.contains("--json"), "it has nothing to do with it: {}", said.err);
 }
 
 #[test]
