@@ -7,6 +7,10 @@ use super::{Context, Exit, Failure, Hint};
 /// A run's recording, in its folder.
 const RECORDING: &str = "run.mcap";
 
+/// What is drawn of runs, beside their recording.
+#[cfg(feature = "host")]
+pub(super) const DRAWN: [&str; 4] = ["map.svg", "map.png", "points.csv", "path.csv"];
+
 /// A recording's own folder.
 pub(super) struct RunFolder {
     pub(super) path: PathBuf,
@@ -23,27 +27,29 @@ impl RunFolder {
         let sign = |sign: char| if sign.is_alphanumeric() || sign == '-' { sign } else { '_' };
         let plain: String = mission.chars().map(sign).collect();
         let candidate = |number| numbered(&Path::new("onbrick-runs").join(&plain), number);
-        Self::make(out, RECORDING, candidate)
+        Self::make(out, RECORDING, &[], candidate)
     }
 
     /// The folder that a person names, or the next free one of the demo's: `onbrick-demo`,
     /// `onbrick-demo-2` and so on.
     #[cfg(feature = "host")]
     pub(super) fn of_demo(out: Option<&Path>) -> Result<Self, Failure> {
-        Self::make(out, RECORDING, |number| first_plain("onbrick-demo", number))
+        Self::make(out, RECORDING, &DRAWN, |number| first_plain("onbrick-demo", number))
     }
 
     /// The folder that a person names, or the next free one of teams: `onbrick-team`,
     /// `onbrick-team-2` and so on.
     #[cfg(feature = "host")]
     pub(super) fn of_team(out: Option<&Path>) -> Result<Self, Failure> {
-        Self::make(out, "team.mcap", |number| first_plain("onbrick-team", number))
+        Self::make(out, "team.mcap", &DRAWN, |number| first_plain("onbrick-team", number))
     }
 
-    /// Creates the folder if missing; never overwrites a recording.
+    /// Creates the folder if missing; refuses one in which something is there already of what is
+    /// going to be written: the recording, and `more`.
     fn make(
         out: Option<&Path>,
         name: &'static str,
+        more: &[&str],
         candidate: impl Fn(u32) -> PathBuf,
     ) -> Result<Self, Failure> {
         let next_free = || (1..).map(candidate).find(|folder| !folder.exists()).unwrap_or_default();
@@ -55,12 +61,13 @@ impl RunFolder {
             .context(Exit::Refused, format_args!("cannot make {}", folder.display()))
             .hint("--out with a folder that can be written to")?;
         let run_folder = Self { path, name, made };
-        let file = run_folder.file();
-        if file.exists() {
-            return Err(Failure::refused(format!("{} is there already", file.display()))
-                .hint("another folder for --out: a recording is never written over"));
+        let mut files =
+            [&[name][..], more].concat().into_iter().map(|name| run_folder.path.join(name));
+        match files.find(|file| file.exists()) {
+            Some(file) => Err(Failure::refused(format!("{} is there already", file.display()))
+                .hint("another folder for --out: what is there is never written over")),
+            None => Ok(run_folder),
         }
-        Ok(run_folder)
     }
 
     /// Where the recording goes.
@@ -102,7 +109,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let team = folder.path().join("team");
         let make = || {
-            RunFolder::make(None, "team.mcap", |number| first_plain(team.to_str().unwrap(), number))
+            let candidate = |number| first_plain(team.to_str().unwrap(), number);
+            RunFolder::make(None, "team.mcap", &DRAWN, candidate)
         };
         for name in ["team", "team-2", "team-3"] {
             let made = make().unwrap();
@@ -111,5 +119,16 @@ mod tests {
         }
         let refused = RunFolder::of_team(Some(&team)).err().unwrap();
         assert!(refused.message.ends_with("team/team.mcap is there already"), "{refused:?}");
+    }
+
+    #[test]
+    fn what_would_be_drawn_over_after_the_run_refuses_the_folder_before_it() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("points.csv"), "x,y\n").unwrap();
+        for refused in [RunFolder::of_team, RunFolder::of_demo] {
+            let refused = refused(Some(folder.path())).err().unwrap();
+            assert!(refused.message.ends_with("points.csv is there already"), "{refused:?}");
+        }
+        assert!(RunFolder::of_mission(Some(folder.path()), "map").is_ok());
     }
 }

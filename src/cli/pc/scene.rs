@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::cli::common::{LoadedRun, write_file};
+use crate::cli::folder::DRAWN;
 use crate::cli::{Context, Exit, Failure};
 use crate::printable;
 use crate::report::{Scene, Track, export, plot};
@@ -113,10 +114,10 @@ fn add_new<T: PartialEq>(all: &mut Vec<T>, more: impl IntoIterator<Item = T>) {
 pub(super) fn draw(folder: &Path, scene: &Scene) -> Result<(), Failure> {
     const DOING: &str = "cannot draw";
     let files = [
-        ("map.svg", plot::svg(scene).context(Exit::Failed, DOING)?.into_bytes()),
-        ("map.png", plot::png(scene).context(Exit::Failed, DOING)?),
-        ("points.csv", export::points_csv(&scene.tracks).into_bytes()),
-        ("path.csv", export::path_csv(&scene.tracks).into_bytes()),
+        plot::svg(scene).context(Exit::Failed, DOING)?.into_bytes(),
+        plot::png(scene).context(Exit::Failed, DOING)?,
+        export::points_csv(&scene.tracks).into_bytes(),
+        export::path_csv(&scene.tracks).into_bytes(),
     ];
-    files.iter().try_for_each(|(name, bytes)| write_file(&folder.join(name), bytes))
+    DRAWN.iter().zip(&files).try_for_each(|(name, bytes)| write_file(&folder.join(name), bytes))
 }
