@@ -6,7 +6,7 @@
 //!
 //! | column | is |
 //! |---|---|
-//! | `range_m`, `heading_deg`, `motor.NAME` ... | a signal by its name in conditions, in its unit |
+//! | `range_m`, `heading_deg`, `motor.NAME`, `sensor.NAME` ... | a signal by its name in conditions, in its unit |
 //! | `travelled_m` | metres driven |
 //! | `found` | a variable of the mission |
 //! | `do.left_dps`, `do.right_dps`, `do.head_deg`, `do.NAME_dps`, `do.tone_hz` | what was demanded |
@@ -265,6 +265,8 @@ impl Names {
         let mut numbers: Vec<String> = sensed.map(|quantity| quantity.name.to_owned()).collect();
         let motors = || cast.robot.motors.iter().map(|motor| &motor.name);
         numbers.extend(motors().map(|name| format!("motor.{name}")));
+        let sensors = cast.robot.named_sensors.iter();
+        numbers.extend(sensors.map(|sensor| format!("sensor.{}", sensor.name)));
         numbers.extend(["echo", "heading_deg", "x_m", "y_m", "travelled_m"].map(str::to_owned));
         numbers.extend(cast.mission.variables().iter().map(|(name, _)| name.clone()));
         let demanded = ["do.left_dps", "do.right_dps", "do.head_deg", "do.tone_hz"];
@@ -301,6 +303,8 @@ fn numbers(cast: &Cast, senses: &Senses, known: Option<(&Step, &Demands)>) -> Ve
         .collect();
     let motors = cast.robot.motors.len();
     row.extend(Channel::MOTORS.into_iter().take(motors).map(sensed));
+    let sensors = cast.robot.named_sensors.len();
+    row.extend(Channel::SENSORS.into_iter().take(sensors).map(sensed));
     row.push(range.map_or(f64::NAN, is_echo));
     let unknown = [f64::NAN; 4];
     row.extend(estimate.map_or(unknown, |estimate| {

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::plot::nothing;
 use super::scene::scene_of;
 use crate::cli::common::{LoadedRun, make_folder, open_run, write_file};
 use crate::cli::{Exit, Failure, Output};
@@ -44,6 +45,9 @@ enum Format {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let runs = arguments.runs.iter().map(|path| open_run(path)).collect::<Result<Vec<_>, _>>()?;
     let Scene { tracks, walls, .. } = scene_of(&runs, None);
+    if tracks.iter().all(|track| track.path.is_empty() && track.points.is_empty()) {
+        return Err(nothing("export", &runs));
+    }
     let files: Vec<(&str, Vec<u8>)> = match arguments.format {
         Format::Csv => {
             let mut files = vec![
@@ -56,6 +60,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
                 files.push(("signals.csv", timeline::csv(&timelines).into_bytes()));
             }
             files
+        }
+        Format::Ply if tracks.iter().all(|track| track.points.is_empty()) => {
+            return Err(Failure::refused("nothing to export: no point was found")
+                .hint("--format csv, which has the path"));
         }
         Format::Ply => vec![("points.ply", export::ply(&tracks).into_bytes())],
         Format::Pgm => {

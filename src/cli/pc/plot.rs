@@ -47,7 +47,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         [] => {
             let scene = scene_of(&runs, arguments.title.as_deref());
             if scene.is_empty() {
-                return Err(nothing_to_draw(&runs));
+                return Err(nothing("draw", &runs));
+            }
+            if matches!(kind, Kind::Dxf) && scene.walls.is_empty() {
+                let message = "nothing to draw: no wall of half a metre was found";
+                return Err(Failure::refused(message).hint("a picture, which shows the points"));
             }
             map(kind, &scene)
         }
@@ -59,7 +63,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     Ok(())
 }
 
-fn nothing_to_draw(runs: &[LoadedRun]) -> Failure {
+/// Recordings without what is to be drawn or exported.
+pub(super) fn nothing(to: &str, runs: &[LoadedRun]) -> Failure {
     let readable = |loaded: &LoadedRun| {
         let Integrity { bytes, messages, .. } = &loaded.run.integrity;
         let (bytes, messages) = (counted(*bytes, "byte"), counted(*messages, "message"));
@@ -67,7 +72,7 @@ fn nothing_to_draw(runs: &[LoadedRun]) -> Failure {
     };
     let readable = runs.iter().map(readable).collect::<Vec<_>>().join(", ");
     Failure::refused(format!(
-        "nothing to draw, neither path nor points; what can be read: {readable}"
+        "nothing to {to}, neither path nor points; what can be read: {readable}"
     ))
     .hint("onbrick fetch, which resumes where it was cut; or another recording")
 }
@@ -95,8 +100,10 @@ fn chart(
     let doing = format!("cannot replay {}", loaded.name);
     let timeline = Timeline::of_run(&loaded.run)
         .map_err(|error| Failure::from_error(Exit::Failed, &doing, &error))?;
+    // A person puts a space behind a comma.
+    let names: Vec<String> = names.iter().map(|name| name.trim().to_owned()).collect();
     let signals = timeline
-        .named(names)
+        .named(&names)
         .map_err(|error| Failure::new(Exit::Usage, error.to_string()).hint(error.hint))?;
     let chart = Chart::new(&timeline, &signals, title);
     Ok(match kind {

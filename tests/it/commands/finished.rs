@@ -111,6 +111,30 @@ fn plot_draws_signals_with_states_and_what_happened_in_every_format() {
 }
 
 #[test]
+fn a_named_sensor_is_a_signal_as_in_conditions() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    let robot = onbrick::robot::DEFAULT_ROBOT
+        .replace("[colour]\nport", "[sensor.eye]\nmeasures = \"reflect_pct\"\nport");
+    write("robot.toml", &robot);
+    write(
+        "look.toml",
+        "name = \"look\"\ntime_limit_s = 1\n[machine.m.state.look]\n\
+         do = { forward_mps = 0.05, say = \"{sensor.eye}\" }\n",
+    );
+    run(folder.path(), &["run", "look.toml", "--sim", "open", "--out", "out"]).expect(0);
+    let signals = ["--signals", "sensor.eye, x_m"];
+    let drawn = [&["plot", "out/run.mcap", "-o", "eye.svg"][..], &signals].concat();
+    run(folder.path(), &drawn).expect(0);
+    run(folder.path(), &["export", "out/run.mcap", "--format", "csv", "--out", "csv"]).expect(0);
+    let csv = std::fs::read_to_string(folder.path().join("csv/signals.csv")).unwrap();
+    let column = csv.lines().next().unwrap().split(',').position(|name| name == "sensor.eye");
+    let row: Vec<&str> = csv.lines().last().unwrap().split(',').collect();
+    let reflect_pct: f64 = row[column.unwrap()].parse().unwrap();
+    assert!((10.0..=90.0).contains(&reflect_pct), "{reflect_pct} % of a grey floor");
+}
+
+#[test]
 fn robots_of_one_name_are_told_apart_by_their_recordings() {
     let folder = folder();
     run(folder.path(), &["plot", "left.mcap", "right.mcap", "-o", "both.svg"]).expect(0);
@@ -167,6 +191,22 @@ fn export_writes_every_format() {
         assert_eq!(names(&folder.path().join(format)), files, "{}", said.out);
         assert_eq!(said.out.lines().count(), files.len());
     }
+    // A run that saw nothing has a path alone; one that was cut at once has not even that.
+    let square = ["run", "square", "--sim", "open", "--set", "time_limit_s=1", "--out", "open"];
+    run(folder.path(), &square).expect(0);
+    let whole = std::fs::read(folder.path().join("left.mcap")).unwrap();
+    std::fs::write(folder.path().join("cut.mcap"), &whole[..3000]).unwrap();
+    for (arguments, told) in [
+        (&["plot", "open/run.mcap", "-o", "walls.dxf"][..], "no wall of half a metre was found"),
+        (&["export", "open/run.mcap", "--format", "ply", "--out", "no"], "no point was found"),
+        (&["export", "cut.mcap", "--format", "csv", "--out", "no"], "neither path nor points"),
+        (&["export", "cut.mcap", "--format", "ply", "--out", "no"], "neither path nor points"),
+        (&["export", "cut.mcap", "--format", "pgm", "--out", "no"], "neither path nor points"),
+    ] {
+        let said = run(folder.path(), arguments).expect(3).err;
+        assert!(said.contains(told) && said.contains("  try: "), "{arguments:?}: {said}");
+    }
+    assert!(["walls.dxf", "no"].iter().all(|name| !folder.path().join(name).exists()));
     let said =
         run(folder.path(), &["export", "left.mcap", "right.mcap", "--format", "pgm"]).expect(2);
     assert!(said.err.contains("one run"), "{}", said.err);
