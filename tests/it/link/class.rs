@@ -483,6 +483,12 @@ fn a_team() {
                .then(({ bricks }) => bricks[1].words === 'ready')",
     );
     tab.click("#team", "Start together");
+    // What is said at once, and then of each, before any of them drives.
+    tab.until("document.querySelector('#told').textContent === '2 bricks are asked to start mine'");
+    for row in 0..2 {
+        let row = format!("document.querySelectorAll('#team tbody tr')[{row}].textContent");
+        tab.until(&format!("/(preparing|driving); .*mine/.test({row})"));
+    }
     tab.until("Number(document.querySelector('#field').dataset.points) > 20");
     let state = class.state();
     assert_eq!(

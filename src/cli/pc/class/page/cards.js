@@ -4,7 +4,7 @@ import { button, element, known, picture, post, put, seconds, stops, write } fro
 import { draw } from "./picture.js";
 
 const signs = { driving: "▶", ready: "○", stopped: "■", preparing: "…", stopping: "…" };
-const sign = ({ words, wrong, silent_s: silent }) =>
+export const sign = ({ words, wrong, silent_s: silent }) =>
   silent !== null ? "?" : wrong === 2 ? "✕" : (signs[words] ?? "");
 
 export const stopped = (stop) => {

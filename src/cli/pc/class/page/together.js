@@ -1,6 +1,7 @@
 // Several bricks as a team: where each starts, one mission for all, and one map that grows.
 
-import { button, element, get, known, lookNow, picture, post, put, tell } from "./parts.js";
+import { sign } from "./cards.js";
+import { button, element, get, known, lookNow, picture, post, put, tell, write } from "./parts.js";
 import { colour, draw } from "./picture.js";
 
 // Where each brick starts: metres, metres, degrees; kept while the page is open.
@@ -19,6 +20,7 @@ export function show(view) {
   let shown = null;
   let names = "";
   let held = null;
+  let states = [];
 
   // A brick of the team as it drives, and any other where it is to start.
   const tracks = () =>
@@ -52,7 +54,17 @@ export function show(view) {
     });
     return put(element("td"), made);
   };
+  // How each brick is, and what came of its start.
+  const told = () =>
+    states.forEach((place, at) => {
+      const brick = known.bricks[at];
+      const [said, good] = brick.said ?? ["", true];
+      const state = `${sign(brick)} ${brick.words}`;
+      write(place, chosen.has(at) && said ? `${state}; ${said}` : state);
+      place.className = chosen.has(at) && !good ? "bad" : "soft";
+    });
   const list = () => {
+    states = known.bricks.map(() => element("div"));
     rows.replaceChildren(
       ...known.bricks.map((brick, at) => {
         if (!poses.has(at)) poses.set(at, [0, at, 0]);
@@ -60,16 +72,18 @@ export function show(view) {
         Object.assign(box, { type: "checkbox", checked: chosen.has(at) });
         box.addEventListener("change", () => {
           chosen[box.checked ? "add" : "delete"](at);
+          told();
           drawn();
         });
         const who = put(element("label"), box, element("span", brick.name));
         return put(
           element("tr"),
-          put(element("td"), who),
+          put(element("td"), who, states[at]),
           ...["x", "y", "Heading"].map((label, axis) => numbered(at, axis, label)),
         );
       }),
     );
+    told();
     drawn();
   };
 
@@ -119,7 +133,8 @@ export function show(view) {
     const text = await get(`missions/text?name=${missions.value}`);
     const members = [...chosen].map((brick) => ({ brick, pose: poses.get(brick) }));
     map.hidden = true;
-    await post("team", { members, name: missions.value, text });
+    const asked = await post("team", { members, name: missions.value, text });
+    if (asked) tell(`${members.length} bricks are asked to start ${missions.value}`);
     lookNow();
   }
   const whole = () => {
@@ -172,6 +187,7 @@ export function show(view) {
     const now = known.bricks.map(({ name }) => name).join();
     if (now !== names) list();
     else drawn();
+    told();
     names = now;
   };
 }
