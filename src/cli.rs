@@ -192,8 +192,8 @@ fn with_whole_numbers(
     })
 }
 
-/// Takes out clap's tip, and the usage that is made of it, where the option that it names has little
-/// to do with the one that was given.
+/// Takes out clap's tip, and the usage that is made of it, where the option that it names has
+/// little to do with the one that was given.
 fn keep_near_tips(error: &mut clap::Error) {
     let (given, tip) = (ContextKind::InvalidArg, ContextKind::SuggestedArg);
     let is_near = match (error.get(given), error.get(tip)) {

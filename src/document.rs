@@ -428,18 +428,6 @@ impl<'d> Item<'d> {
         Some(array.iter().enumerate().map(element).collect())
     }
 
-    /// The value as a list of exactly `N` numbers, each within `range`.
-    pub fn numbers<const N: usize>(&self, range: RangeInclusive<f64>) -> Option<[f64; N]> {
-        let list = self.list()?;
-        let numbers: Vec<f64> = list.iter().filter_map(|item| item.number(range.clone())).collect();
-        if list.len() != N {
-            let s = if list.len() == 1 { "" } else { "s" };
-            self.error(format!("`{}` has {} value{s}; it takes {N}", self.path, list.len()));
-            return None;
-        }
-        numbers.try_into().ok()
-    }
-
     /// True where the value is text: for keys that take a number or an expression.
     pub fn is_text(&self) -> bool {
         self.value.get_ref().is_str()
@@ -467,32 +455,6 @@ impl<'d> Item<'d> {
                 .hint(self.other_form(expected).unwrap_or_default());
         }
         value
-    }
-
-    /// How what was meant is written.
-    fn other_form(&self, expected: &str) -> Option<String> {
-        let raw = self.source.document.text.get(self.value.span()).unwrap_or_default();
-        match self.value.get_ref() {
-            // "10s" is meant as a number.
-            DeValue::String(text) if expected.ends_with("number") => {
-                leading_number(text).map(|number| {
-                    format!("write {number} without quotes; the unit is part of the name")
-                })
-            }
-            DeValue::Boolean(_) if expected.ends_with("number") => {
-                Some("write 1 for true and 0 for false".to_owned())
-            }
-            DeValue::Boolean(_) if expected.starts_with("text") => {
-                Some(format!("write `\"{raw}\"`"))
-            }
-            DeValue::Table(_) if expected.starts_with("a list") => {
-                Some(match raw.starts_with('{') {
-                    true => "put `[` before it and `]` behind it".to_owned(),
-                    false => format!("write `[[{}]]`", self.path),
-                })
-            }
-            _ => None,
-        }
     }
 }
 
@@ -529,12 +491,6 @@ fn note<'d>(
     }
     findings.push(source.document.finding(place, severity, message));
     Noted { findings: source.findings, index: findings.len() - 1 }
-}
-
-/// The number that a text such as `10s` begins with.
-fn leading_number(text: &str) -> Option<&str> {
-    let end = text.find(|letter: char| !(letter.is_ascii_digit() || letter == '.'))?;
-    text[..end].parse::<f64>().ok().map(|_| &text[..end])
 }
 
 #[cfg(test)]

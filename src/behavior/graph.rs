@@ -2,7 +2,8 @@
 //! editors draw.
 //!
 //! Each machine is a box, each state a node with its name, each transition an arrow with its
-//! condition; the way that blocked wheels lead (`on_stall`) has no condition and is called so. Names and conditions go in as text with every character escaped that Mermaid would
+//! condition; the way that blocked wheels lead (`on_stall`) has no condition and is called so.
+//! Names and conditions go in as text with every character escaped that Mermaid would
 //! take for its own, so that any name can be drawn.
 
 use std::fmt::{self, Write};

@@ -1,4 +1,9 @@
-//! Values that files of several kinds have: gears, and lists of tables.
+//! Values that files of several kinds have: gears, and lists of tables; and how values of another
+//! kind than the one that stands there are written.
+
+use std::ops::RangeInclusive;
+
+use toml::de::DeValue;
 
 use super::{Item, Section};
 
@@ -19,6 +24,18 @@ impl<'d> Section<'d> {
 }
 
 impl Item<'_> {
+    /// The value as a list of exactly `N` numbers, each within `range`.
+    pub fn numbers<const N: usize>(&self, range: RangeInclusive<f64>) -> Option<[f64; N]> {
+        let list = self.list()?;
+        let numbers: Vec<f64> = list.iter().filter_map(|item| item.number(range.clone())).collect();
+        if list.len() != N {
+            let s = if list.len() == 1 { "" } else { "s" };
+            self.error(format!("`{}` has {} value{s}; it takes {N}", self.path, list.len()));
+            return None;
+        }
+        numbers.try_into().ok()
+    }
+
     /// The value as a gear, teeth on the motor and on what it turns: turns of the latter for one of
     /// the motor. A minus turns it round.
     pub(crate) fn gear(&self) -> Option<f64> {
@@ -31,4 +48,36 @@ impl Item<'_> {
         }
         Some(motor / driven)
     }
+
+    /// How what was meant is written.
+    pub(super) fn other_form(&self, expected: &str) -> Option<String> {
+        let raw = self.source.document.text.get(self.value.span()).unwrap_or_default();
+        match self.value.get_ref() {
+            // "10s" is meant as a number.
+            DeValue::String(text) if expected.ends_with("number") => {
+                leading_number(text).map(|number| {
+                    format!("write {number} without quotes; the unit is part of the name")
+                })
+            }
+            DeValue::Boolean(_) if expected.ends_with("number") => {
+                Some("write 1 for true and 0 for false".to_owned())
+            }
+            DeValue::Boolean(_) if expected.starts_with("text") => {
+                Some(format!("write `\"{raw}\"`"))
+            }
+            DeValue::Table(_) if expected.starts_with("a list") => {
+                Some(match raw.starts_with('{') {
+                    true => "put `[` before it and `]` behind it".to_owned(),
+                    false => format!("write `[[{}]]`", self.path),
+                })
+            }
+            _ => None,
+        }
+    }
+}
+
+/// The number that a text such as `10s` begins with.
+fn leading_number(text: &str) -> Option<&str> {
+    let end = text.find(|letter: char| !(letter.is_ascii_digit() || letter == '.'))?;
+    text[..end].parse::<f64>().ok().map(|_| &text[..end])
 }
