@@ -45,7 +45,9 @@ enum Format {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let runs = arguments.runs.iter().map(|path| open_run(path)).collect::<Result<Vec<_>, _>>()?;
     let Scene { tracks, walls, .. } = scene_of(&runs, None);
-    if tracks.iter().all(|track| track.path.is_empty() && track.points.is_empty()) {
+    let is_bare = tracks.iter().all(|track| track.path.is_empty() && track.points.is_empty());
+    // What was sensed alone makes signals.csv and the grid again.
+    if is_bare && runs.iter().all(|loaded| loaded.run.senses.is_empty()) {
         return Err(nothing("export", &runs));
     }
     let files: Vec<(&str, Vec<u8>)> = match arguments.format {
