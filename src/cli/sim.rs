@@ -233,6 +233,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let flags = stop_flags()?;
     let simulation = simulation(arguments, output)?;
     // A still that cannot be written is known now, and not when there was something to see.
+    let is_svg = |file: &Path| file.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
+    if let Some(file) = arguments.show.as_deref().filter(|file| !is_svg(file)) {
+        let message = format!("the room is drawn as SVG, and {} is none", file.display());
+        return Err(Failure::new(Exit::Usage, message).hint("--show with a name that ends in .svg"));
+    }
     arguments.show.as_ref().map_or(Ok(()), |file| draw(file, &simulation))?;
     let events =
         if arguments.event_bits == "32" { EventLayout::Bits32 } else { EventLayout::Bits64 };

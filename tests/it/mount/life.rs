@@ -403,7 +403,7 @@ fn a_page_whose_port_is_taken_is_refused_and_nothing_stays_mounted() {
 fn a_still_that_cannot_be_written_is_refused_before_anything_is_mounted() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("notes.svg"), "kept").unwrap();
-    for (still, code) in [("notes.svg", 3), ("none/end.svg", 1)] {
+    for (still, code) in [("notes.svg", 3), ("none/end.svg", 1), ("end.png", 2)] {
         let output = Command::new(tested_program())
             .args(["sim", "brick", "--show", still])
             .current_dir(folder.path())
