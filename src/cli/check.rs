@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::common::{load_robot, read_mission};
+use super::common::{SHOW_MISSION, load_robot, read_mission};
 use super::{Failure, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::document::Finding;
@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             Capabilities { limits, ..Capabilities::all() }
         }
     };
-    let mut broken = 0;
+    let (mut broken, mut has_all_hints) = (0, true);
     for path in &arguments.missions {
         let source = match read_mission(path) {
             Ok(source) => source,
@@ -58,6 +58,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             Err(findings) => (None, findings),
         };
         broken += usize::from(mission.is_none());
+        let is_bare = |finding: &Finding| finding.hint.is_none();
+        has_all_hints &= mission.is_some() || !findings.iter().any(is_bare);
         let checked = Checked {
             mission: source.name.clone(),
             ok: mission.is_some(),
@@ -67,11 +69,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         let verdict = mission.as_ref().map_or_else(|| "broken".to_owned(), summary);
         output.show(format!("{findings}{}: {verdict}", source.name), &checked);
     }
-    match broken {
-        0 => Ok(()),
-        1 => Err(Failure::refused("1 mission is not in order")),
-        more => Err(Failure::refused(format!("{more} missions are not in order"))),
-    }
+    let failure = match broken {
+        0 => return Ok(()),
+        1 => Failure::refused("1 mission is not in order"),
+        more => Failure::refused(format!("{more} missions are not in order")),
+    };
+    Err(if has_all_hints { failure } else { failure.hint(SHOW_MISSION) })
 }
 
 /// An unreadable file does not stop the check of the others.

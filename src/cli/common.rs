@@ -88,7 +88,8 @@ fn hint_at_names(failure: Failure, path: &Path, what: &str, names: &[&str]) -> F
 /// Reads a file that a person names, as far as a document may be long.
 pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
     let read = crate::document::read_bounded(path);
-    read.context(Exit::Refused, format_args!("cannot read {}", path.display()))
+    let read = read.context(Exit::Refused, format_args!("cannot read {}", path.display()));
+    if path.is_file() { read.hint("a file that you may read") } else { read }
 }
 
 /// Reads a recording's file, however long it is.
@@ -97,6 +98,7 @@ pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     std::fs::read(path).context(Exit::Failed, format_args!("cannot read {}", path.display()))
 }
 
+pub(super) const SHOW_MISSION: &str = "onbrick new mission, which shows a whole file with comments";
 const SHOW_ROBOT: &str = "onbrick new robot, which shows a whole file with comments";
 
 /// The robot of the working folder, as `setup` writes it.
@@ -162,7 +164,7 @@ fn broken_mission(source: &Source, findings: &Findings) -> Failure {
              onbrick setup write a robot.toml; or --robot {other}"
         )
     } else {
-        "onbrick new mission, which shows a whole file with comments".to_owned()
+        SHOW_MISSION.to_owned()
     };
     Failure::refused(findings.to_string()).hint(hint)
 }

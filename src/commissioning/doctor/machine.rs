@@ -167,7 +167,7 @@ fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) 
             return diagnosis.fail(
                 CHECK,
                 format!("{name}: {}", with_causes(&error)),
-                "make it readable",
+                "a mission is a file that you may read",
             );
         }
     };

@@ -20,6 +20,7 @@ fn a_mission_that_does_not_load_has_the_way_out_that_fits_it() {
     write("robot.toml", onbrick::robot::DEFAULT_ROBOT);
     write("blind.toml", TWO_WHEELS);
     write("broken.toml", "name = \"x\"\nrate = 3\n");
+    write("empty.toml", "");
     for (arguments, hint) in [
         (&["run", "robot.toml", "--sim", "arena"][..], "this file is a robot, not a mission"),
         (&["graph", "robot.toml"], "this file is a robot, not a mission"),
@@ -29,6 +30,9 @@ fn a_mission_that_does_not_load_has_the_way_out_that_fits_it() {
              robot.toml; or --robot mapper",
         ),
         (&["run", "broken.toml", "--sim", "arena"], "onbrick new mission"),
+        (&["check", "empty.toml"], "onbrick new mission, which shows a whole file"),
+        // It is there, and the kernel does not let it be read.
+        (&["run", "/proc/self/mem", "--sim", "arena"], "a file that you may read"),
     ] {
         let output = onbrick(folder.path(), arguments).output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr);
