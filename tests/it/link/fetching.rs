@@ -222,36 +222,25 @@ fn a_slow_operation_holds_up_no_stop() {
     });
 }
 
-/// A brick's endless recording: it grows by what is asked for.
-fn endless(bench: &Bench, stop: &std::sync::atomic::AtomicBool) {
-    let mut length = 0;
-    while !stop.load(Ordering::Relaxed) {
-        length += 1 << 20;
-        bench.fake.record("r", vec![7; length], false);
-        std::thread::sleep(Duration::from_millis(20));
-    }
-}
-
 #[test]
 fn a_recording_that_never_ends_is_taken_up_to_a_limit_and_no_further() {
     let bench = Bench::new();
     let home = home();
-    let over = std::sync::atomic::AtomicBool::new(false);
     let most = 3 << 20;
-    std::thread::scope(|scope| {
-        scope.spawn(|| endless(&bench, &over));
-        until("it has begun", || {
-            bench.fake.recordings.lock().unwrap().contains_key("r").then_some(())
-        });
-        let mut client = bench.client();
-        client.take_at_most(most);
-        let ended = client.fetch(&run("r"), &home.file, &mut |_| {}).unwrap_err();
-        over.store(true, Ordering::Relaxed);
-        assert!(
-            matches!(ended, ClientError::TooLong { bytes, most: 0x30_0000 } if bytes > most),
-            "{ended}"
-        );
-    });
+    let mut length = 0;
+    let mut grow = || {
+        length += 1 << 17;
+        bench.fake.record("r", vec![7; length], false);
+    };
+    grow();
+    let mut client = bench.client();
+    client.take_at_most(most);
+    // With each piece that has come it is longer by more than a piece.
+    let ended = client.fetch(&run("r"), &home.file, &mut |_| grow()).unwrap_err();
+    assert!(
+        matches!(ended, ClientError::TooLong { bytes, most: 0x30_0000 } if bytes > most),
+        "{ended}"
+    );
     assert!(std::fs::metadata(&home.part).unwrap().len() <= most);
     assert!(!home.file.exists());
     // One that says so beforehand takes nothing of the disk.
