@@ -12,6 +12,14 @@
 //! does one whose wheels are blocked: against the way that it drove last, as what blocks it need
 //! not be ahead. One that has no room to turn drives back the way that it came.
 //!
+//! # What was tried and gave nothing
+//!
+//! - With something ahead to turn on the spot to where the way leads, if that is further aside than
+//!   12°, before it stops for it: over 345 runs 0.2 % more of the wall, 104 contacts for 87, and as
+//!   many collisions.
+//! - To stop where a point of the map is within 11.5 cm ahead, up to 65° aside: 15 contacts for 58
+//!   in 195 runs, and 87 % of the wall for 97, as such points close narrow places.
+//!
 //! # Not here
 //!
 //! No map and no planner: the runtime hands requests on and plans back. Turning to what is looked
