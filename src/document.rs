@@ -333,11 +333,14 @@ impl<'d> Item<'d> {
 
     /// The value as one of a few words, each with its meaning.
     pub fn word<T: Copy>(&self, words: &[(&str, T)]) -> Option<T> {
-        let text = self.text()?;
+        let list =
+            words.iter().map(|(word, _)| format!("\"{word}\"")).collect::<Vec<_>>().join(", ");
+        let Some(text) = self.value.get_ref().as_str() else {
+            self.mistyped("text in quotes").hint(format!("it can be {list}"));
+            return None;
+        };
         let found = words.iter().find(|(word, _)| *word == text).map(|(_, meaning)| *meaning);
         if found.is_none() {
-            let list =
-                words.iter().map(|(word, _)| format!("\"{word}\"")).collect::<Vec<_>>().join(", ");
             self.error(format!("`{}` is \"{text}\"; it can be {list}", self.path))
                 .hint(nearest(text, words.iter().map(|(word, _)| *word)).unwrap_or_default());
         }
@@ -450,9 +453,7 @@ impl<'d> Item<'d> {
 
     fn typed<T>(&self, value: Option<T>, expected: &str) -> Option<T> {
         if value.is_none() {
-            let found = self.value.get_ref().type_str();
-            self.error(format!("`{}` must be {expected}, not a TOML {found}", self.path))
-                .hint(self.other_form(expected).unwrap_or_default());
+            self.mistyped(expected).hint(self.other_form(expected).unwrap_or_default());
         }
         value
     }
@@ -570,6 +571,16 @@ error: unknown key `track_widht_m` in [drive]
         ] {
             assert!(error.contains(told), "{told}{error}");
         }
+    }
+
+    #[test]
+    fn what_is_no_text_where_a_word_belongs_is_told_the_words() {
+        let error = read("beep = true\n", |root| {
+            root.get("beep").and_then(|item| item.word(&[("ok", 1), ("error", 2)]))
+        })
+        .unwrap_err();
+        assert!(error.contains("must be text in quotes, not a TOML boolean"), "{error}");
+        assert!(error.contains("it can be \"ok\", \"error\"\n"), "{error}");
     }
 
     #[test]

@@ -30,6 +30,7 @@ pub(super) fn explain(text: &str, place: &Range<usize>, said: &str) -> Explained
             .or_else(|| bare_point(text, at))
             .or_else(|| decimal_comma(text, at))
             .or_else(|| colon(text, at))
+            .or_else(|| quotes_inside(text, at))
             .or_else(|| bare(text, at))
             .or_else(|| open_brace(text, at))
     };
@@ -180,6 +181,18 @@ fn colon(text: &str, at: usize) -> Option<Explained> {
         place: line.start + colon..line.start + colon + 1,
         message: "`:` does not stand between a key and its value".to_owned(),
         hint: "write `=`".to_owned(),
+    })
+}
+
+/// A word in quotes inside a text: `"colour == "red""`.
+fn quotes_inside(text: &str, at: usize) -> Option<Explained> {
+    let begins = text[..at].ends_with('"') && text[..at].contains('=');
+    let after = &text[at..line_of(text, at).end];
+    let word = &after[..after.find(|letter: char| !(letter.is_alphanumeric() || letter == '_'))?];
+    (begins && !word.is_empty() && after[word.len()..].starts_with('"')).then(|| Explained {
+        place: at - 1..at + word.len() + 1,
+        message: "a text ends where its quote stands again".to_owned(),
+        hint: format!("inside a text it is {word}, without quotes"),
     })
 }
 
@@ -342,6 +355,12 @@ mod tests {
                 "this text is not closed",
                 "put a `\"` where it ends",
                 "\"b }]",
+            ),
+            (
+                "next = [{ when = \"colour == \"red\"\", go = \"b\" }]\n",
+                "a text ends where its quote stands again",
+                "inside a text it is red, without quotes",
+                "\"red\"\", go = \"b\" }]",
             ),
             (
                 "do = { a: 0.1 }\n",

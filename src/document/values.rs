@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use toml::de::DeValue;
 
-use super::{Item, Section};
+use super::{Item, Noted, Section};
 
 impl<'d> Section<'d> {
     /// The tables of a list such as `[[wall]]`; none without the key, and where there are more than
@@ -23,7 +23,7 @@ impl<'d> Section<'d> {
     }
 }
 
-impl Item<'_> {
+impl<'d> Item<'d> {
     /// The value as a list of exactly `N` numbers, each within `range`.
     pub fn numbers<const N: usize>(&self, range: RangeInclusive<f64>) -> Option<[f64; N]> {
         let list = self.list()?;
@@ -47,6 +47,12 @@ impl Item<'_> {
             return None;
         }
         Some(motor / driven)
+    }
+
+    /// Adds the error that the value is of another kind than what is expected.
+    pub(super) fn mistyped(&self, expected: &str) -> Noted<'d> {
+        let found = self.value.get_ref().type_str();
+        self.error(format!("`{}` must be {expected}, not a TOML {found}", self.path))
     }
 
     /// How what was meant is written.

@@ -9,7 +9,7 @@ const REMOTE_NAMES: usize = 10;
 
 impl Quantity {
     /// The names of its values in conditions, where it is one of several things: `colour == red`.
-    pub fn values(&self) -> impl Iterator<Item = (&'static str, f64)> {
+    pub fn values(&self) -> impl Iterator<Item = (&'static str, f64)> + Clone {
         let (words, most) = match self.channel {
             Channel::Colour => (Colour::WORDS, Colour::WORDS.len()),
             Channel::Remote => (RemoteCode::WORDS, REMOTE_NAMES),

@@ -375,12 +375,12 @@ impl<'p> Parser<'p, '_> {
             let hint = Some(format!("write `{}`", function.usage()));
             return self.unusable(place, Mistake::NoArguments(function.name()), hint);
         }
-        let hint = self.vocabulary.name_hint(name).unwrap_or_else(|| {
+        let before = self.tokens.get(..self.at.saturating_sub(1)).unwrap_or_default();
+        let hint = self.vocabulary.name_hint(name, before).unwrap_or_else(|| {
             "a name is what is sensed, a value such as `red`, or one of [numbers] and [variables]"
                 .to_owned()
         });
-        let unknown = Mistake::UnknownName(printable::name(name).into_owned());
-        self.unusable(place, unknown, Some(hint))
+        self.unusable(place, Mistake::UnknownName(printable::name(name).into_owned()), Some(hint))
     }
 
     fn sensed(

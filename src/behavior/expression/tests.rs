@@ -306,6 +306,11 @@ fn mistakes_have_a_place_and_a_way_out() {
         ("drive.state == trun", "trun", "machine `drive` has no state `trun`", "`turn`"),
         ("drive.state > 1", "drive.state", "is compared with the name of a state", "drive.state"),
         ("colour == yelow", "yelow", "unknown name `yelow`", "did you mean `yellow`?"),
+        // Not the nearest of all names, `range_m`.
+        ("colour == orange", "orange", "unknown name `orange`", "`colour` is one of none, black,"),
+        ("remote != red_up", "red_up", "unknown name `red_up`", "`remote` is one of none, left_up"),
+        ("range_m < rang", "rang", "unknown name `rang`", "did you mean `range_m`?"),
+        ("button_back", "button_back", "unknown name `button_back`", "Enter and Back stop the run"),
     ] {
         let misreadings = parse(text, Kind::Truth).unwrap_err();
         let first = &misreadings[0];

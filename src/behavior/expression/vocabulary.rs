@@ -3,11 +3,13 @@
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
+use super::Infix;
 use super::function::FUNCTIONS;
+use super::lexer::{Placed, Token};
 use super::mistake::Mistake;
 use crate::behavior::signals::{Capabilities, words};
 use crate::behavior::{MAX_MOTORS, MAX_SENSORS};
-use crate::document::{nearest, nearest_or_all};
+use crate::document::{nearest, nearest_or_all, one_of};
 use crate::senses::{Channel, QUANTITIES, Quantity};
 
 /// With more names than this the nearest one is not looked for: it would take longer than reading
@@ -16,6 +18,13 @@ pub(in crate::behavior) const SEARCHED: usize = 200;
 
 /// The language's own words.
 const LANGUAGE: [&str; 5] = ["and", "or", "not", "true", "false"];
+
+/// Names that people look for, and what there is instead.
+const NOT_HERE: [(&str, &str); 3] =
+    [("button_enter", STOPS), ("button_center", STOPS), ("button_back", STOPS)];
+
+const STOPS: &str = "Enter and Back stop the run; a mission has `button_up`, `button_down`, \
+                     `button_left` and `button_right`";
 
 /// The names that an expression may use: the signals of a robot, and a mission's own names.
 #[derive(Debug)]
@@ -90,8 +99,16 @@ impl<'c> Vocabulary<'c> {
         sensors.get(usize::from(place)).map(|(_, measures)| *measures)
     }
 
-    /// The nearest name to one that is not known; of the mission's own the first are looked at.
-    pub(in crate::behavior) fn name_hint(&self, name: &str) -> Option<String> {
+    /// What there is instead of a name that is not known: the values of what it is compared with,
+    /// or the nearest name. Of the mission's own the first are looked at.
+    ///
+    /// - `before`: the tokens before the name.
+    pub(super) fn name_hint(&self, name: &str, before: &[Placed<'_>]) -> Option<String> {
+        let instead = NOT_HERE.iter().find(|(missing, _)| *missing == name);
+        let instead = instead.map(|(_, instead)| (*instead).to_owned());
+        if let Some(hint) = instead.or_else(|| value_hint(name, before)) {
+            return Some(hint);
+        }
         let own = self.numbers.keys().chain(self.variables.iter().map(|(name, _)| name));
         let own = own.take(SEARCHED).map(String::as_str);
         let known = words().map(|word| word.name).chain(LANGUAGE).chain(values().map(|row| row.0));
@@ -163,6 +180,17 @@ impl Named {
             names => nearest_or_all(name, "it has", names.iter().map(String::as_str)),
         }
     }
+}
+
+/// The values that stand behind `colour ==`.
+fn value_hint(name: &str, before: &[Placed<'_>]) -> Option<String> {
+    let [.., (Token::Name(signal), _), (Token::Infix(Infix::Compare(_)), _)] = before else {
+        return None;
+    };
+    let channel = words().find(|word| word.name == *signal)?.channel?;
+    let values = channel.quantity().values().map(|(value, _)| value);
+    values.clone().next()?;
+    Some(format!("`{signal}` is {}", one_of(name, values)))
 }
 
 /// The names of what signals can be, such as colours.
