@@ -9,7 +9,7 @@ use super::{DrivePlan, MachinePlan, OnStall, TransitionPlan};
 use crate::behavior::engine::Finish;
 use crate::behavior::expression::Claims;
 use crate::document::{Section, Severity, nearest};
-use crate::senses::{Channel, Role};
+use crate::senses::{Channel, QUANTITIES, Quantity, Role};
 
 /// The key `on_stall`: "stop", or a state of the machine that drives the wheels, which learns it.
 pub(super) fn on_stall(root: &Section<'_>, drafts: &mut [Draft]) -> Option<OnStall> {
@@ -120,11 +120,29 @@ fn one_mode_each(reader: &Reader<'_, '_, '_>) {
             let message = format!(
                 "`{one}` and `{two}` are both used, and the sensor gives one of them at a time"
             );
-            let hint = "use one of the two in the whole mission";
+            let hint = one_of_two(*other, *channel);
             reader.root.note(place.clone(), Severity::Error, message).hint(hint);
         }
         firsts.push((*channel, place));
     }
+}
+
+/// The way out where a sensor would have to measure two things: one of them, or what it measures
+/// together.
+fn one_of_two(one: Channel, two: Channel) -> String {
+    let role = one.quantity().role;
+    let same = || QUANTITIES.iter().filter(|quantity| quantity.role == role);
+    let goes_with_another = |quantity: &&Quantity| {
+        let channel = quantity.channel;
+        same().any(|other| other.channel != channel && other.channel.goes_with(channel))
+    };
+    let together: Vec<&Quantity> = same().filter(goes_with_another).collect();
+    let hint = "use one of the two in the whole mission";
+    if together.is_empty() || together.iter().any(|each| [one, two].contains(&each.channel)) {
+        return hint.to_owned();
+    }
+    let names: Vec<&str> = together.iter().map(|quantity| quantity.name).collect();
+    format!("{hint}; {} come together", names.join(", "))
 }
 
 /// Transitions that cannot fire: those for all states, by the state that they are inside, and each
