@@ -1,6 +1,6 @@
 //! `onbrick calibrate`: measure wheels, track and range sensor by driving.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::brick::{BrickFiles, brick_is_there};
@@ -111,7 +111,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         output.line(format!("gyro.scale: {:.6} before, {scale:.6} now", robot.config.gyro_scale));
     }
     output.value(&calibration);
-    let text = calibration.apply(&robot.source).map_err(|error| unsure(&error))?;
+    let text =
+        calibration.apply(&robot.source).map_err(|error| unsure(&arguments.robot, &error))?;
     if arguments.dry_run {
         return Ok(());
     }
@@ -144,6 +145,8 @@ fn failed(error: &CalibrateError) -> Failure {
     let exit = match error {
         CalibrateError::Lost { .. }
         | CalibrateError::Blocked
+        | CalibrateError::WallLost
+        | CalibrateError::NoRoom { .. }
         | CalibrateError::TooFar(_)
         | CalibrateError::Stopped => Exit::Failed,
         _ => Exit::Refused,
@@ -151,9 +154,31 @@ fn failed(error: &CalibrateError) -> Failure {
     Failure::from_error(exit, "not calibrated", error)
 }
 
-fn unsure(error: &ApplyError) -> Failure {
+fn unsure(robot: &Path, error: &ApplyError) -> Failure {
+    let stays = format!("{} stays as it is", robot.display());
     match error {
-        ApplyError::Findings(findings) => Failure::new(Exit::Failed, findings.to_string()),
-        error => Failure::from_error(Exit::Failed, "robot.toml stays as it is", error),
+        ApplyError::Findings(findings) => {
+            Failure::new(Exit::Failed, format!("{stays}; with the new numbers:\n{findings}"))
+        }
+        error => Failure::from_error(Exit::Failed, &stays, error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_found_before_anything_moves_is_a_refusal() {
+        for (error, exit) in [
+            (CalibrateError::NoHead, Exit::Refused),
+            (CalibrateError::NoRange, Exit::Refused),
+            (CalibrateError::NoWall("the wall is 3 m off".to_owned()), Exit::Refused),
+            (CalibrateError::WallLost, Exit::Failed),
+            (CalibrateError::NoRoom { at_m: 0.4 }, Exit::Failed),
+            (CalibrateError::Stopped, Exit::Failed),
+        ] {
+            assert_eq!(failed(&error).exit, exit, "{error}");
+        }
     }
 }

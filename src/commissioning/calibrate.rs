@@ -40,6 +40,7 @@ use serde::Serialize;
 use crate::clock::Clock;
 use crate::document::Findings;
 use crate::ev3dev::{Tree, UltrasonicSensor};
+use crate::mapping::Geometry;
 use crate::robot::{BindError, Robot, RobotConfig, equip};
 use crate::senses::{Channel, Role};
 use crate::units::rounded_to;
@@ -140,6 +141,18 @@ pub enum CalibrateError {
     /// There is no wall, or no sensor to see it.
     #[error("{0}")]
     NoWall(String),
+    /// The wall was there, and is not to be seen any more.
+    #[error(
+        "the wall is lost from sight: a plain, hard wall, square to the robot's way, and nothing \
+         in between"
+    )]
+    WallLost,
+    /// Turns are not to be marked, and nothing else measures them.
+    #[error("without marks the gyro measures the turns, and the robot has no [gyro]")]
+    NoGyro,
+    /// Nothing hears echoes.
+    #[error("own echoes are heard by the range sensor, and the robot has no [range]")]
+    NoRange,
     /// Nothing turns the range sensor.
     #[error("own echoes are looked for with the head, and the robot has no [head]")]
     NoHead,
@@ -196,6 +209,9 @@ impl Calibration {
             self.measured().find_map(|(key, found)| Some((key, found.doubt?)))
         {
             return Err(ApplyError::Unsure { key, doubt });
+        }
+        if let Some(scale) = self.gyro_scale.filter(|scale| !Geometry::GYRO_SCALE.contains(scale)) {
+            return Err(ApplyError::Unsure { key: "gyro.scale", doubt: Doubt::Marks(scale) });
         }
         let numbers = self.measured().map(|(key, found)| (key, edit::rounded(found.after)));
         let list = self.own_echoes.iter().map(|own| ("range.own_echoes", list_of(own)));

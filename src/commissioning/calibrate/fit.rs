@@ -91,6 +91,13 @@ pub enum Doubt {
          (onbrick setup)"
     )]
     Far(f64),
+    /// A gyro's scale that no gyro has: a person marked something else than whole turns.
+    #[error(
+        "the gyro would say {degrees:.0} degrees for a whole turn: mark again, and press Enter \
+         only when the robot stands along the line",
+        degrees = .0 * 360.0
+    )]
+    Marks(f64),
     /// The measurements of an offset scatter.
     #[error(
         "the measurements scatter: the mean is unsure by {mm:.0} mm, at most {limit:.0} mm will \

@@ -19,6 +19,7 @@ use std::f64::consts::PI;
 
 use crate::commissioning::Dialogue;
 use crate::mapping::OwnEchoes;
+use crate::senses::Role;
 use crate::units::{degrees, radians, rounded_to};
 
 use super::CalibrateError;
@@ -101,6 +102,9 @@ pub(super) fn own_echoes(
     let Some(limit_rad) = stage.config().head.as_ref().map(|head| head.limit_rad) else {
         return Err(CalibrateError::NoHead);
     };
+    if !stage.config().has(Role::Range) {
+        return Err(CalibrateError::NoRange);
+    }
     dialogue.agree(
         "The head will look round three times, and the robot will turn on the spot between. Is \
          nothing within 40 cm of it?",

@@ -103,11 +103,7 @@ fn way(stage: &mut Stage<'_>, way: f64, length_m: f64) -> Result<Vec<[f64; 2]>, 
     let limit = limit(stage, length_m);
     let ended = stage.drive(forward(way), limit, |now, senses| echoes.look(now, senses))?;
     if echoes.lost {
-        return Err(CalibrateError::NoWall(
-            "the wall is lost from sight: a plain, hard wall, square to the robot's way, and \
-             nothing in between"
-                .to_owned(),
-        ));
+        return Err(CalibrateError::WallLost);
     }
     if ended == Ended::Limit {
         return Err(CalibrateError::TooFar(format!(

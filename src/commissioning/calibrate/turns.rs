@@ -47,6 +47,9 @@ pub(super) fn track_width(
 ) -> Result<(Measured, Option<f64>), CalibrateError> {
     let before_m = stage.config().track_width_m;
     if !stage.has_gyro() {
+        if options.mark == Some(false) {
+            return Err(CalibrateError::NoGyro);
+        }
         let spins = marked_spins(stage, dialogue, options.pairs.unwrap_or(2))?;
         let [left, right] = spins.map(|spins| {
             spins

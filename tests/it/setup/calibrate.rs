@@ -331,6 +331,67 @@ fn whatever_goes_wrong_on_the_way_is_said_and_the_robot_stands() {
 }
 
 #[test]
+fn a_wall_that_is_lost_on_the_way_is_no_wall_that_was_never_there() {
+    let bench = Bench::new("", 1);
+    let clock = StopsAt {
+        clock: Arc::clone(&bench.clock),
+        at_ns: bench.clock.now_ns() + 12 * SECOND_NS,
+        act: |simulation, _| {
+            simulation.inspect(|world: &mut WorldPhysics| {
+                let away = onbrick::sim::StartPose { x_m: 0.0, y_m: 0.0, heading_rad: PI };
+                world.carry(0, away);
+            });
+        },
+        simulation: bench.simulation.clone(),
+        flags: bench.flags.clone(),
+        done: false.into(),
+    };
+    let mut person = Measurer::new(&bench);
+    let robot = load(&wrong(1.0, 1.0, true));
+    let options = CalibrateOptions::default();
+    let error =
+        calibrate(&bench.tree, &clock, &bench.flags, &mut person, &robot, &options).unwrap_err();
+    assert!(matches!(error, CalibrateError::WallLost), "{error}");
+    bench.assert_still();
+}
+
+/// The shipped robot's file without one of its sections.
+fn without(section: &str) -> RobotConfig {
+    let start = DEFAULT_ROBOT.find(section).unwrap();
+    let length = DEFAULT_ROBOT[start + 1..].find("\n[").unwrap();
+    let text = [&DEFAULT_ROBOT[..start], &DEFAULT_ROBOT[start + 1 + length..]].concat();
+    load(&Source { name: "robot.toml".to_owned(), text })
+}
+
+#[test]
+fn a_robot_without_the_sensor_is_refused_by_its_name_and_no_plug_is_blamed() {
+    let no_marks = CalibrateOptions { mark: Some(false), straight: None, ..Default::default() };
+    let own_echoes = CalibrateOptions { own_echoes: true, ..CalibrateOptions::NOTHING };
+    for (section, options) in [("[gyro]", no_marks), ("[range]", own_echoes)] {
+        let bench = Bench::new("", 1);
+        let mut person = Measurer::new(&bench);
+        let robot = without(section);
+        let error =
+            calibrate(&bench.tree, &*bench.clock, &bench.flags, &mut person, &robot, &options)
+                .unwrap_err();
+        let said = error.to_string();
+        assert!(said.ends_with(&format!("the robot has no {section}")), "{said}");
+        assert!(person.told.is_empty(), "nothing was asked: {:?}", person.told);
+    }
+}
+
+#[test]
+fn marks_that_are_no_whole_turns_are_doubted_and_nothing_is_written() {
+    let calibration = Calibration { gyro_scale: Some(0.7625), ..Calibration::default() };
+    let source = Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() };
+    let error = calibration.apply(&source).unwrap_err().to_string();
+    assert!(
+        error.starts_with("gyro.scale is not written: the gyro would say 274 degrees"),
+        "{error}"
+    );
+}
+
+#[test]
 fn a_person_who_never_presses_enter_does_not_keep_the_robot_spinning() {
     let bench = Bench::new("", 1);
     let mut person = Measurer::new(&bench);

@@ -10,8 +10,13 @@ use onbrick::senses::Channel;
 
 #[test]
 fn every_message_says_what_is_wrong_in_one_style() {
-    let doubts =
-        [Doubt::TooFew(2), Doubt::Scatter(0.023), Doubt::Directions(0.051), Doubt::Far(3.2)];
+    let doubts = [
+        Doubt::TooFew(2),
+        Doubt::Scatter(0.023),
+        Doubt::Directions(0.051),
+        Doubt::Far(3.2),
+        Doubt::Marks(0.76),
+    ];
     let mut messages: Vec<Box<dyn Error>> = vec![
         Box::new(NoAnswer::Closed),
         Box::new(NoAnswer::Stopped),
@@ -28,6 +33,9 @@ fn every_message_says_what_is_wrong_in_one_style() {
         Box::new(CalibrateError::Stopped),
         Box::new(CalibrateError::Lost { channel: Channel::Gyro, trouble: "no reading".to_owned() }),
         Box::new(CalibrateError::Blocked),
+        Box::new(CalibrateError::WallLost),
+        Box::new(CalibrateError::NoGyro),
+        Box::new(CalibrateError::NoRange),
         Box::new(EditError::Missing {
             file: "robot.toml".to_owned(),
             key: "drive.track_width_m".to_owned(),
