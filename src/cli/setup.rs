@@ -1,6 +1,6 @@
 //! `onbrick setup`: write `robot.toml` from what is plugged in.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::brick::brick_is_there;
@@ -55,7 +55,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         .hint("onbrick halt")?;
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
     let text = crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut terminal)
-        .map_err(|error| refused(&error))?;
+        .map_err(|error| refused(file, &error))?;
     let kept = if arguments.force {
         save::replace(file, &text).map_err(|error| not_written(&error))?
     } else {
@@ -73,11 +73,14 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     Ok(())
 }
 
-fn refused(error: &SetupError) -> Failure {
+fn refused(file: &Path, error: &SetupError) -> Failure {
     match error {
         SetupError::Findings(findings) => Failure::refused(findings.to_string()),
         SetupError::Stopped => Failure::new(Exit::Failed, error.to_string()),
-        error => Failure::from_error(Exit::Refused, "no robot.toml was written", error),
+        error => {
+            let doing = format!("{} is not written", file.display());
+            Failure::from_error(Exit::Refused, &doing, error)
+        }
     }
 }
 

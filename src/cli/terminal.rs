@@ -133,7 +133,8 @@ impl Dialogue for Terminal {
             if let Some(choice) = chosen(&answer, choices, default) {
                 return Ok(choice);
             }
-            print(&format!("`{answer}` is none of these\n"));
+            let none = if is_short { "neither yes nor no" } else { "none of these" };
+            print(&format!("`{answer}` is {none}\n"));
         }
         Err(NoAnswer::Unclear)
     }

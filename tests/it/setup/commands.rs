@@ -88,9 +88,16 @@ fn without_a_brick_no_command_blames_its_plugs() {
 fn an_input_that_ends_refuses_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     shipped_brick().write(&folder.path().join("brick"));
-    let ended = onbrick(folder.path(), &["setup", "--brick", "brick"]);
+    let ended = onbrick(folder.path(), &["setup", "red.toml", "--brick", "brick"]);
     assert_eq!(ended.status.code(), Some(3), "{}", says(&ended));
-    assert!(says(&ended).contains("the input has ended"), "{}", says(&ended));
+    assert!(
+        says(&ended).contains("red.toml is not written: there is no answer: the input has ended"),
+        "{}",
+        says(&ended)
+    );
+    std::fs::write(folder.path().join("answers"), "tester\nmaybe\n").unwrap();
+    let unclear = onbrick(folder.path(), &["setup", "--brick", "brick", "--answers", "answers"]);
+    assert!(says(&unclear).contains("`maybe` is neither yes nor no"), "{}", says(&unclear));
     let nowhere = onbrick(folder.path(), &["setup", "none/robot.toml", "--brick", "brick"]);
     assert_eq!(nowhere.status.code(), Some(3), "{}", says(&nowhere));
     assert!(
