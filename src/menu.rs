@@ -213,6 +213,8 @@ pub struct Menu {
     shows_map: bool,
     /// How the last run ended, until a person has seen it.
     ended: Option<LastStop>,
+    /// The run on the screen, or the last one, has driven: there is a map of it.
+    has_driven: bool,
     /// The fault that was seen: it does not come back by itself.
     dismissed: Option<Stop>,
     notice: Option<Notice>,
@@ -256,6 +258,7 @@ impl Menu {
             page: None,
             shows_map: false,
             ended: None,
+            has_driven: false,
             dismissed: None,
             notice: None,
             track: None,

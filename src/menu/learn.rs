@@ -144,6 +144,7 @@ impl Menu {
         if is_running && !was_running {
             self.run_began();
         }
+        self.has_driven |= self.seen.run().is_some_and(|run| run.progress.is_some());
         if !is_running {
             self.stop_due_ns = None;
             self.run_is_over(was_running);
@@ -157,6 +158,7 @@ impl Menu {
         self.shows_map = false;
         self.views[Showing::Running as usize] = super::View::default();
         self.ended = None;
+        self.has_driven = false;
         self.page = None;
         self.notice = None;
         self.dismissed = None;

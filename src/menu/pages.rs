@@ -43,6 +43,12 @@ impl Menu {
         }
     }
 
+    /// The run that has ended and whose map can be shown.
+    pub(super) fn ended_map(&self) -> Option<&RunId> {
+        let last = self.ended.as_ref().filter(|last| last.is_wanted() && self.has_driven)?;
+        last.run.as_ref()
+    }
+
     /// What the list of runs says of one.
     pub(super) fn run_info(&self, run: &RunId) -> Option<&RunInfo> {
         self.seen.runs.as_ref()?.runs.iter().find(|known| known.run == *run)
@@ -57,7 +63,11 @@ impl Menu {
             (Showing::Notice, _) => {
                 self.notice.as_ref().map(|notice| self.notice_sheet(notice)).unwrap_or_default()
             }
-            (Showing::Ended, _) => self.ended.as_ref().map(ended).unwrap_or_default(),
+            (Showing::Ended, _) => self
+                .ended
+                .as_ref()
+                .map(|last| ended(last, self.ended_map().is_some()))
+                .unwrap_or_default(),
             (Showing::Page, Some(Page::Mission(name))) => self.mission(name),
             (Showing::Page, Some(Page::Port(port))) => self.port(port),
             (Showing::Page, Some(Page::TimeLimit(limit_s))) => time_limit(*limit_s),
@@ -203,7 +213,7 @@ impl Menu {
         sheet
             .item(format!("Lights: {}", on(settings.lights)))
             .item(format!("Sounds: {}", on(settings.sounds)))
-            .item(format!("Time limit of the next run: {limit}"))
+            .item(format!("Time limit of each run: {limit}"))
             .item("Pair a PC")
             .strong(&settings.brick)
             .lines(&settings.addresses)
@@ -282,10 +292,10 @@ fn within_turn(degrees: f64) -> f64 {
     if libm::fabs(within) < 0.5 { 0.0 } else { within }
 }
 
-pub(super) fn ended(last: &LastStop) -> Sheet {
+pub(super) fn ended(last: &LastStop, has_map: bool) -> Sheet {
     if last.is_wanted() {
         let sheet = Sheet::new("Done").big(&last.mission).line(last.to_string());
-        return sheet.items(last.run.as_ref().map(|_| "Show the map")).item("OK");
+        return sheet.items(has_map.then_some("Show the map")).item("OK");
     }
     let sheet = Sheet::new("Fault");
     let sheet = if last.mission.is_empty() { sheet } else { sheet.big(&last.mission) };
@@ -295,7 +305,7 @@ pub(super) fn ended(last: &LastStop) -> Sheet {
 fn time_limit(limit_s: f64) -> Sheet {
     let limit = if limit_s > 0.0 { duration(limit_s) } else { "none".to_owned() };
     Sheet::new("Time limit")
-        .line("The next run ends after")
+        .line("Each run ends after")
         .big(limit)
         .line("at the latest. Up and Down change it, Enter sets it.")
 }

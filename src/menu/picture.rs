@@ -21,7 +21,7 @@ pub fn running_picture(run: &RunStatus) -> Canvas {
 /// How a run ended, as the menu shows it.
 #[must_use]
 pub fn ended_picture(last: &LastStop) -> Canvas {
-    let mut sheet = ended(last);
+    let mut sheet = ended(last, false);
     // Nothing can be chosen.
     sheet.rows.retain(|row| !row.is_item());
     drawn(&sheet, "")

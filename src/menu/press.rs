@@ -191,11 +191,12 @@ impl Menu {
         if taken.is_none() && (is_fault || button == Button::Enter) {
             return;
         }
+        let map = self.ended_map().cloned();
         let Some(ended) = self.ended.take() else { return };
         self.dismissed = Some(ended.stop);
         if is_fault {
             self.asks.order(LocalOnly::Acknowledge);
-        } else if let (Some(0), Some(run)) = (taken, ended.run) {
+        } else if let (Some(0), Some(run)) = (taken, map) {
             self.tab = Tab::Runs;
             self.asks.refresh(Look::Runs, self.now_ns);
             self.open(Page::Map(run));

@@ -320,7 +320,7 @@ pub struct Settings {
     pub brick: String,
     /// The version of onbrick.
     pub version: String,
-    /// The brick's addresses on the network.
+    /// Where the brick's link is reached on the network.
     pub addresses: Vec<String>,
     /// The fingerprint of the brick's key, where it has one.
     pub fingerprint: Option<String>,
@@ -328,7 +328,7 @@ pub struct Settings {
     pub lights: bool,
     /// Sounds are made.
     pub sounds: bool,
-    /// The next run ends at this time at the latest, seconds.
+    /// Each run ends at this time at the latest, those that PCs start as well, seconds.
     pub time_limit_s: Option<f64>,
 }
 
@@ -341,7 +341,7 @@ pub struct SettingsChange {
     /// Sounds are made.
     #[serde(default)]
     pub sounds: Option<bool>,
-    /// The next run ends at this time at the latest, seconds; 0 takes the limit away.
+    /// Each run ends at this time at the latest, seconds; 0 takes the limit away.
     #[serde(default)]
     pub time_limit_s: Option<f64>,
 }

@@ -240,7 +240,7 @@ impl Service {
         Settings {
             brick: self.inner.name.to_string(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            addresses: addresses(),
+            addresses: addresses(&self.inner.config.link.address),
             fingerprint,
             lights: kept.lights,
             sounds: kept.sounds,

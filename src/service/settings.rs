@@ -76,8 +76,12 @@ impl Kept {
     }
 }
 
-/// The brick's addresses on the network, without its own loop.
-pub(super) fn addresses() -> Vec<String> {
+/// Where PCs reach the link: the address that it listens at, or for `*` all of the brick's on the
+/// network, without its own loop.
+pub(super) fn addresses(listens_at: &str) -> Vec<String> {
+    if !["*", "0.0.0.0", "::"].contains(&listens_at) {
+        return vec![listens_at.to_owned()];
+    }
     let Ok(interfaces) = nix::ifaddrs::getifaddrs() else { return Vec::new() };
     let mut addresses: Vec<String> = interfaces
         .filter_map(|interface| interface.address)
@@ -97,6 +101,13 @@ pub(super) fn addresses() -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_link_that_listens_at_one_address_is_reached_at_no_other() {
+        assert_eq!(addresses("10.0.0.7"), ["10.0.0.7"]);
+        assert_eq!(addresses("*"), addresses("0.0.0.0"));
+        assert!(!addresses("*").contains(&"*".to_owned()));
+    }
 
     #[test]
     fn settings_are_kept_and_a_file_that_is_spoilt_is_as_at_first() {

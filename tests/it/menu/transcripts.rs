@@ -103,6 +103,20 @@ fn sessions_at_the_brick_go_as_they_were_written_down() {
     .end(&mut text);
     Session::begin(
         &mut text,
+        "A run that was stopped before it drove has no map",
+        StartedBy::Terminal,
+    )
+    .keys("ee")
+    .happens("a stop while it still prepares", |bench| {
+        let mut world = bench.service.world();
+        world.status.last = Some(last(StopReason::Here));
+        world.status.run = None;
+        world.enter(State::Stopped);
+    })
+    .keys("e")
+    .end(&mut text);
+    Session::begin(
+        &mut text,
         "A mission that is refused, and one that is broken",
         StartedBy::Brickman,
     )
