@@ -52,10 +52,15 @@
 //! {"version": 1, "id": 7, "op": "status"}
 //! {"id": 7, "ok": {"brick": "ev3-blue", "state": "ready", "token": "k2-81734", "battery_v": 7.8}}
 //! {"version": 1, "id": 8, "op": "start", "run": "map-1", "mission": {"name": "map"},
-//!  "token": "k2-81734"}
+//!  "token": "k2-81734", "pose": [0.5, 0, 90], "set": [["speed_mps", 0.2], ["time_limit_s", 60]]}
 //! {"id": 8, "error": {"kind": "stale_token", "message": "the token is 8.2 s old",
 //!  "hint": "ask for the status again"}}
 //! ```
+//!
+//! Words are in snake case: the [`State`] of a brick is `ready`, `preparing`, `running`,
+//! `stopping`, `stopped` or `fault`; after a run it is one of the last two, not `ready` again. A
+//! run's identifier ([`RunId`]) is the client's choice: 1 to 40 letters of ASCII, digits, `-` and
+//! `_`.
 //!
 //! **Sockets.** A REQ socket is the simplest client: it sends the empty delimiter frame before the
 //! request by itself, the brick sends it back before the reply, and REQ takes it off again. One
@@ -121,8 +126,8 @@ use std::path::PathBuf;
 
 #[cfg(doc)]
 use crate::protocol::{
-    Done, Fetch, Fetched, Kind, Live, MAX_FETCH_BYTES, Missions, Runs, Start, Started, Status,
-    Stopped,
+    Done, Fetch, Fetched, Kind, Live, MAX_FETCH_BYTES, Missions, RunId, Runs, Start, Started,
+    State, Status, Stopped,
 };
 
 pub use client::{Client, ClientError, FetchProgress, Patience};
@@ -140,4 +145,31 @@ pub fn key_folder() -> Option<PathBuf> {
     let below = |folder: PathBuf| folder.join("onbrick");
     let home = || named("HOME").map(|home| below(home.join(".config")));
     named("ONBRICK_KEYS").or_else(|| named("XDG_CONFIG_HOME").map(below)).or_else(home)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Deserializer, Value};
+
+    use crate::protocol::{Request, parse};
+
+    #[test]
+    fn the_requests_in_the_documentation_are_requests() {
+        let page = include_str!("link.rs");
+        let example =
+            page.split("//! ```json").nth(1).and_then(|rest| rest.split("//! ```").next());
+        let json = example.unwrap().replace("//!", "");
+        let said: Vec<Value> =
+            Deserializer::from_str(&json).into_iter().collect::<Result<_, _>>().unwrap();
+        let requests: Vec<Request> = said
+            .iter()
+            .filter(|value| value.get("op").is_some())
+            .map(|value| parse(value.to_string().as_bytes()).unwrap().request)
+            .collect();
+        let [Request::Status, Request::Start(start)] = requests.as_slice() else {
+            panic!("{requests:?}");
+        };
+        assert_eq!(start.pose, Some([0.5, 0.0, 90.0]));
+        assert_eq!(start.set[1], ("time_limit_s".to_owned(), 60.0));
+    }
 }
