@@ -22,6 +22,7 @@
 //!
 //! ```no_run
 //! use std::sync::Arc;
+//! use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 //! use onbrick::ev3dev::{LocalTree, StopAction, TachoCommand, TachoMotor, Tree};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -32,7 +33,8 @@
 //! motor.set_speed_sp(motor.max_speed() / 2)?;
 //! motor.set_time_sp(500)?;
 //! motor.command(TachoCommand::RunTimed)?;
-//! // Dropping the motor stops it.
+//! // Dropping the motor stops it: it is kept for as long as it turns.
+//! MonotonicClock.sleep_ns(500 * MILLISECOND_NS);
 //! # Ok(())
 //! # }
 //! ```
