@@ -54,7 +54,10 @@ while [ $# -gt 0 ]; do
     --image) image=${2:?} && shift ;;
     --forward) forward=${2:?} && shift ;;
     -h | --help) usage && exit 0 ;;
-    -*) usage >&2 && exit 2 ;;
+    -*)
+      printf 'error: there is no option %s\n\n' "$1" >&2
+      usage >&2 && exit 2
+      ;;
     *) scenario=$1 && shift && arguments=("$@") && break ;;
   esac
   shift

@@ -41,7 +41,10 @@ while [ $# -gt 0 ]; do
     --key) keys+=("${2:?--key needs a key}") && shift ;;
     --deb) deb=${2:?--deb needs a file} && shift ;;
     -h | --help) usage && exit 0 ;;
-    -*) usage >&2 && exit 2 ;;
+    -*)
+      printf 'error: there is no option %s\n\n' "$1" >&2
+      usage >&2 && exit 2
+      ;;
     *)
       if [ -n "$image" ]; then usage >&2 && exit 2; fi
       image=$1

@@ -39,7 +39,10 @@ while [ $# -gt 0 ]; do
     --deb) deb=${2:?--deb needs a file} && shift ;;
     --onbrick) onbrick=${2:?--onbrick needs a file} && shift ;;
     -h | --help) usage && exit 0 ;;
-    -*) usage >&2 && exit 2 ;;
+    -*)
+      printf 'error: there is no option %s\n\n' "$1" >&2
+      usage >&2 && exit 2
+      ;;
     *)
       if [ -n "$host" ]; then usage >&2 && exit 2; fi
       host=$1

@@ -80,7 +80,10 @@ build_pc() {
 
 case ${1:-} in
   -h | --help) usage && exit 0 ;;
-  -*) usage >&2 && exit 2 ;;
+  -*)
+    printf 'error: there is no option %s\n\n' "$1" >&2
+    usage >&2 && exit 2
+    ;;
 esac
 [ $# -gt 0 ] || set -- x86_64 aarch64 armv5te armv7
 cd "$checkout"
