@@ -22,6 +22,13 @@ impl Place {
         columns * columns + rows * rows
     }
 
+    /// The cells up to so far from it along each axis.
+    pub(super) fn square(self, radius: i32) -> impl Iterator<Item = Self> {
+        let columns = self.column - radius..=self.column + radius;
+        let rows = self.row - radius..=self.row + radius;
+        rows.flat_map(move |row| columns.clone().map(move |column| Self { column, row }))
+    }
+
     pub(super) fn bytes(self) -> [u8; 2] {
         [self.column, self.row].map(|place| u8::try_from(place).unwrap_or(u8::MAX))
     }
@@ -80,30 +87,23 @@ impl Layer {
     }
 
     pub(super) fn fill_disc(&mut self, middle: Place, radius: i32) {
-        for (columns, rows) in square(radius) {
-            if columns * columns + rows * rows <= radius * radius {
-                self.set(Place { column: middle.column + columns, row: middle.row + rows });
+        for place in middle.square(radius) {
+            if place.distance2(middle) <= radius * radius {
+                self.set(place);
             }
         }
     }
 
     pub(super) fn fill_square(&mut self, middle: Place, radius: i32) {
-        for (columns, rows) in square(radius) {
-            self.set(Place { column: middle.column + columns, row: middle.row + rows });
+        for place in middle.square(radius) {
+            self.set(place);
         }
     }
 
     /// How many of the five by five cells around one are in it.
     pub(super) fn count_around(&self, place: Place) -> i32 {
-        let cells = (-2..=2).flat_map(|rows| (-2..=2).map(move |columns| (columns, rows)));
-        let cells = cells
-            .map(|(columns, rows)| Place { column: place.column + columns, row: place.row + rows });
-        cells.map(|cell| i32::from(self.has(cell))).sum()
+        place.square(2).map(|cell| i32::from(self.has(cell))).sum()
     }
-}
-
-fn square(radius: i32) -> impl Iterator<Item = (i32, i32)> {
-    (-radius..=radius).flat_map(move |rows| (-radius..=radius).map(move |columns| (columns, rows)))
 }
 
 /// Every bit of both.

@@ -181,12 +181,9 @@ impl Survey {
     pub(super) fn stand(&mut self, middle: Place, radius: i32) {
         self.stood.fill_disc(middle, radius);
         self.driven.fill_disc(middle, 1);
-        for rows in -radius..=radius {
-            for columns in -radius..=radius {
-                let place = Place { column: middle.column + columns, row: middle.row + rows };
-                if place.distance2(middle) <= radius * radius {
-                    self.weigh(place, |_| 0);
-                }
+        for place in middle.square(radius) {
+            if place.distance2(middle) <= radius * radius {
+                self.weigh(place, |_| 0);
             }
         }
     }
@@ -215,11 +212,8 @@ impl Survey {
 
     /// Something that is not heard is at a place.
     pub(super) fn block(&mut self, middle: Place) {
-        for rows in -1..=1 {
-            for columns in -1..=1 {
-                let place = Place { column: middle.column + columns, row: middle.row + rows };
-                self.weigh(place, |_| MOST);
-            }
+        for place in middle.square(1) {
+            self.weigh(place, |_| MOST);
         }
     }
 
@@ -367,31 +361,25 @@ impl Survey {
 
     /// Lets the robot get away from where it stands, over what it may not drive on otherwise.
     pub(super) fn escape(&mut self, start: Place) {
-        for rows in -ESCAPE..=ESCAPE {
-            for columns in -ESCAPE..=ESCAPE {
-                let cell = Place { column: start.column + columns, row: start.row + rows };
-                let index = usize::from(self.index(cell));
-                let stood = self.stood.has(cell);
-                let Some(kind) = self.kinds.get_mut(index) else { continue };
-                if cell.distance2(start) <= ESCAPE * ESCAPE
-                    && !kind.is_drivable()
-                    && (kind.is_passable() || stood)
-                {
-                    kind.0 |= Kind::DRIVABLE | Kind::DEAR[1];
-                }
+        for cell in start.square(ESCAPE) {
+            let index = usize::from(self.index(cell));
+            let stood = self.stood.has(cell);
+            let Some(kind) = self.kinds.get_mut(index) else { continue };
+            if cell.distance2(start) <= ESCAPE * ESCAPE
+                && !kind.is_drivable()
+                && (kind.is_passable() || stood)
+            {
+                kind.0 |= Kind::DRIVABLE | Kind::DEAR[1];
             }
         }
     }
 
     /// Whether something solid is within some cells of a place, at most [`WIDEST`].
     pub(super) fn is_solid_within(&self, middle: Place, cells: f64) -> bool {
-        let reach = -i32::from(WIDEST)..=i32::from(WIDEST);
-        let solid = |columns: i32, rows: i32| {
-            let place = Place { column: middle.column + columns, row: middle.row + rows };
+        middle.square(WIDEST.into()).any(|place| {
             f64::from(place.distance2(middle)) < cells * cells
                 && (self.walls.has(place) || self.obstacles.has(place))
-        };
-        reach.clone().any(|rows| reach.clone().any(|columns| solid(columns, rows)))
+        })
     }
 
     /// What a cell is.
