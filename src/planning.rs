@@ -73,7 +73,7 @@
 //!
 //! # What it costs
 //!
-//! Nothing is allocated after construction: 0.4 MB, for grids of up to [`Planner::MOST_COLUMNS`]
+//! Nothing is allocated after construction: 0.5 MB, for grids of up to [`Planner::MOST_COLUMNS`]
 //! columns and 65 000 cells. A plan is made in slices, one a tick: 36 rows of the grid become bits,
 //! or 12 rows with something known are widened by the distance to keep, or the wave goes over 300
 //! cells. To explore, it goes over all that can be reached: a plan for a room of 2 m² takes 13
@@ -94,6 +94,7 @@ use arrayvec::ArrayVec;
 
 use crate::mapping::{OccupancyGrid, Pose};
 
+mod clearance;
 mod hearing;
 mod layer;
 mod plan;
@@ -101,6 +102,8 @@ mod survey;
 mod trace;
 mod wave;
 
+pub use clearance::Clearance;
+use clearance::Points;
 use hearing::Guesses;
 use layer::Place;
 pub use plan::{Goal, Outcome, Plan, Request, View, WAYPOINTS};
@@ -176,6 +179,7 @@ pub struct Planner {
     way_home: Option<(u16, Place)>,
     obstacles: ArrayVec<(Place, u8), OBSTACLES>,
     guesses: Guesses,
+    points: Points,
     /// Where it could not turn.
     cramped: Option<Place>,
     plan: Plan,
@@ -210,6 +214,7 @@ impl Planner {
             way_home: None,
             obstacles: ArrayVec::new(),
             guesses: Guesses::new(),
+            points: Points::new(grid.columns() * grid.rows()),
             cramped: None,
             plan,
         })
@@ -246,6 +251,14 @@ impl Planner {
         let (cost_cm, from) = self.way_home?;
         let [x_m, y_m] = self.plan.middle(from.bytes());
         Some(f64::from(cost_cm) / 100.0 + libm::hypot(pose.x_m - x_m, pose.y_m - y_m))
+    }
+
+    /// The points of the map that are nearer to a pose than what a turn on the spot needs; none
+    /// before the first request.
+    #[must_use]
+    pub fn clearance(&self, pose: &Pose) -> Clearance {
+        let near = |request: &Request| self.points.clearance(&self.survey, pose, request.turn_m);
+        self.request.as_ref().map(near).unwrap_or_default()
     }
 
     /// One slice of the work on a request, or without one on the last one's way home; the plan,
@@ -333,6 +346,7 @@ impl Planner {
         if request.again {
             self.survey.tried.clear();
             self.survey.doubt();
+            self.points.doubt(&self.survey);
         }
         self.target = match request.goal {
             Goal::Frontier { .. } => None,

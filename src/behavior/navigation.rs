@@ -10,7 +10,9 @@
 //! An echo from within the robot's own lane stops it; it becomes an obstacle of the next plan. A
 //! robot whose bumper is pressed, or that is stopped again and again in one place, backs off. So
 //! does one whose wheels are blocked: against the way that it drove last, as what blocks it need
-//! not be ahead. One that has no room to turn drives back the way that it came.
+//! not be ahead. One that has no room to turn drives back the way that it came. Between cells it
+//! goes by the map's points near to it: it steers past them, makes room before a turn on the spot,
+//! and backs off no further than to what is behind it.
 //!
 //! # What was tried and gave nothing
 //!
@@ -19,6 +21,13 @@
 //!   many collisions.
 //! - To stop where a point of the map is within 11.5 cm ahead, up to 65° aside: 15 contacts for 58
 //!   in 195 runs, and 87 % of the wall for 97, as such points close narrow places.
+//!
+//! - To be slow where a point is within 15 cm ahead, up to 75° aside: of 345 runs 47 contacts for
+//!   46. To be slow where a row of the map's points leads to the way, as beside the end of a wall of
+//!   which no beam comes back: 26 for 46, 11 collisions for 14, and 0.7 % less of the wall, and 17
+//!   runs of 300 s more do not come home.
+//! - To look for what is ahead 1.3 times as far aside as the way leads: twice the collisions; half
+//!   as far: 0.5 % less of the wall.
 //!
 //! # Not here
 //!
@@ -30,6 +39,7 @@ use std::f64::consts::PI;
 use serde::{Deserialize, Serialize};
 
 mod back_off;
+mod clearance;
 mod cramped;
 mod ending;
 mod looking;
@@ -39,7 +49,7 @@ use super::demands::Drive;
 use super::motion::{self, At, MotionLimits, MotionState};
 use super::signals::{Signal, Signals};
 use crate::clock::{MILLISECOND_NS, seconds};
-use crate::planning::{self, Outcome, Plan, Request, View};
+use crate::planning::{self, Clearance, Outcome, Plan, Request, View};
 use crate::units::within;
 use back_off::Way;
 use looking::{HEAD_NEAR_RAD, HeadAim};
@@ -124,6 +134,8 @@ pub struct NavigationState {
     pivot_rad: Option<f64>,
     /// It gets out of where it cannot turn, and whether backwards.
     gets_out_back: Option<bool>,
+    /// It makes room for a turn: which way, and metres so far.
+    makes_room: Option<(Way, f64)>,
     /// The heading at the first step of all, not wrapped.
     first_rad: Option<f64>,
     forward_m_s: f64,
@@ -152,6 +164,9 @@ pub struct NavigationState {
     is_blocked: bool,
     blocks: u8,
     blocked_m: [f64; 2],
+    /// Each tick brings it, as it does the map.
+    #[serde(skip)]
+    clearance: Clearance,
 }
 
 /// A plan is this old when the next one is asked for, nanoseconds.
@@ -289,13 +304,17 @@ impl NavigationState {
 
     /// A motion of its own, and what follows it.
     fn moving(&mut self, tick: &Tick<'_>, motion: &mut MotionState) -> Drive {
-        if self.phase == Phase::Arrive && tick.is_ahead().is_some() {
-            self.stop(tick, motion);
+        if self.phase == Phase::Arrive && tick.is_ahead(0.0).is_some() {
+            self.stop(tick, motion, 0.0);
             return Drive::STILL;
         }
         let drive = motion.step(|| None, tick.signals, tick.limits);
-        let goes_ahead = matches!(drive, Drive::Twist { forward_m_s, .. } if forward_m_s > 0.0);
-        let is_stopped = self.phase == Phase::BackOff && goes_ahead && tick.is_ahead().is_some();
+        let is_closed = match drive {
+            Drive::Twist { forward_m_s, .. } if forward_m_s > 0.0 => tick.is_ahead(0.0).is_some(),
+            Drive::Twist { forward_m_s, .. } if forward_m_s < 0.0 => self.is_back_closed(tick),
+            _ => false,
+        };
+        let is_stopped = self.phase == Phase::BackOff && is_closed;
         if motion.is_done() || is_stopped {
             match self.phase {
                 Phase::Face => self.look_at(tick, self.plan.goal()),
@@ -383,11 +402,12 @@ impl NavigationState {
         let pivot_rad = self.pivot_rad.map(|to_rad| to_rad - tick.at.heading_rad);
         let pivot_rad = pivot_rad.filter(|left_rad| left_rad.abs() > PIVOT_RAD[1]);
         if pivot_rad.is_none() {
-            self.pivot_rad = None;
+            (self.pivot_rad, self.makes_room) = (None, None);
+        } else if let Some(drive) = self.make_room(tick) {
+            return drive;
         }
-        let beside_rad = pivot_rad.unwrap_or(bearing_rad);
-        if pivot_rad.is_none() && tick.is_ahead().is_some() {
-            self.stop(tick, motion);
+        if pivot_rad.is_none() && tick.is_ahead(bearing_rad).is_some() {
+            self.stop(tick, motion, bearing_rad);
             return Drive::STILL;
         }
         let limits = tick.limits;
@@ -397,12 +417,14 @@ impl NavigationState {
         let turning_m_s = TURNING * limits.speed_m_s;
         let most_rad_s = tick.order.turn_rad_s.unwrap_or(turning_m_s / limits.half_track_m);
         let braking_m_s = libm::sqrt(limits.acceleration_m_s2 * left_m);
-        let forward_m_s = if pivot_rad.is_some() {
-            0.0
+        let (forward_m_s, turn_rad_s) = if let Some(pivot_rad) = pivot_rad {
+            (0.0, HOLD_PER_S * pivot_rad)
         } else {
-            (fastest_m_s * libm::cos(bearing_rad)).min(braking_m_s).max(CREEP_M_S)
+            let forward_m_s = (fastest_m_s * libm::cos(bearing_rad)).min(braking_m_s);
+            let away_rad_s = self.away_rad_s(tick, Way::Ahead);
+            (forward_m_s.max(CREEP_M_S), HOLD_PER_S * bearing_rad + away_rad_s)
         };
-        let turn_rad_s = within(HOLD_PER_S * beside_rad, -most_rad_s, most_rad_s);
+        let turn_rad_s = within(turn_rad_s, -most_rad_s, most_rad_s);
         self.twist(tick, forward_m_s, turn_rad_s)
     }
 
@@ -434,8 +456,8 @@ impl NavigationState {
         Some((target, if self.plan.whole { end_m.max(far_m(target)) } else { f64::INFINITY }))
     }
 
-    /// Something is in the way.
-    fn stop(&mut self, tick: &Tick<'_>, motion: &mut MotionState) {
+    /// Something is in the way, which leads so far beside straight ahead.
+    fn stop(&mut self, tick: &Tick<'_>, motion: &mut MotionState, way_rad: f64) {
         self.rest();
         if let Goal::Place { x_m, y_m, .. } = tick.order.goal
             && tick.at.to(x_m, y_m).0 < tick.order.keep_m
@@ -453,7 +475,7 @@ impl NavigationState {
             self.try_harder(tick, motion);
             return;
         }
-        let obstacle = tick.is_ahead();
+        let obstacle = tick.is_ahead(way_rad);
         let travelled_m = tick.signals.get(Signal::Travelled).unwrap_or(self.stopped_m);
         let is_same_place = (travelled_m - self.stopped_m).abs() < SAME_PLACE_M;
         self.stops = if is_same_place { self.stops.saturating_add(1) } else { 1 };

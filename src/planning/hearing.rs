@@ -38,6 +38,7 @@ impl Planner {
         let here = self.survey.place(estimate.pose.x_m, estimate.pose.y_m);
         if let Some(place) = here.filter(|_| here != self.stood) {
             self.survey.stand(place, STANDS);
+            self.points.stand(&self.survey, &estimate.pose);
             self.stood = here;
         }
         if let Some(sounding) = estimate.sounding.filter(|sounding| sounding.fresh) {
@@ -98,6 +99,7 @@ impl Planner {
         self.survey.hear(point.x_m, point.y_m, weight, most);
         if let Some(place) = self.survey.place(point.x_m, point.y_m).filter(|_| range_m < POINT_M) {
             self.survey.pointed.fill_square(place, POINT_NEAR);
+            self.points.add(&self.survey, [point.x_m, point.y_m]);
         }
     }
 }

@@ -129,6 +129,25 @@ impl Survey {
         self.rows
     }
 
+    /// A cell's side, metres.
+    pub(super) fn cell_m(&self) -> f64 {
+        self.cell_m
+    }
+
+    /// How many cells reach so far, at most [`WIDEST`].
+    pub(super) fn cells_within(&self, within_m: f64) -> i32 {
+        #[expect(clippy::cast_possible_truncation, reason = "it is at most the widest")]
+        let cells = libm::ceil(within_m / self.cell_m).min(f64::from(WIDEST)) as i32;
+        cells
+    }
+
+    /// The corner of a cell with the least x and y, metres.
+    pub(super) fn corner_m(&self, place: Place) -> [f64; 2] {
+        let [x_m, y_m] = self.first_m;
+        let corner_m = |first_m: f64, cells: i32| first_m + f64::from(cells) * self.cell_m;
+        [corner_m(x_m, place.column), corner_m(y_m, place.row)]
+    }
+
     /// The cell of a place of the world; `None` outside.
     pub(super) fn place(&self, x_m: f64, y_m: f64) -> Option<Place> {
         let cell = |m: f64, first_m: f64, count: usize| {

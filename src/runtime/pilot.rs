@@ -369,6 +369,7 @@ impl Pilot {
             let (sin, cos) = libm::sincos(pose.heading_rad);
             planner.bump([pose.x_m + way_m * cos, pose.y_m + way_m * sin]);
         }
+        self.program.keep_clear(planner.clearance(&pose));
         if let Some(plan) = planner.step(self.program.request(), self.map.grid(), &pose) {
             self.program.answer(plan);
         }

@@ -17,7 +17,7 @@ use crate::behavior::signals::Signals;
 use crate::behavior::tune::{Playing, Sound, Tune};
 use crate::behavior::{MAX_MACHINES, Taken};
 use crate::clock::seconds;
-use crate::planning::{Plan, Request};
+use crate::planning::{Clearance, Plan, Request};
 use crate::senses::Role;
 
 /// A mission under way.
@@ -195,6 +195,11 @@ impl Program {
     /// The plan to the request; the machines follow it from the next step on.
     pub fn answer(&mut self, plan: &Plan) {
         self.turn.ongoing.navigation.answer(plan);
+    }
+
+    /// The points of the map that are near to the robot; the machines go by them in the next step.
+    pub fn keep_clear(&mut self, clearance: Clearance) {
+        self.turn.ongoing.navigation.keep_clear(clearance);
     }
 
     /// Whether nothing is left but the end of the mission's time: each machine is in its final

@@ -2,6 +2,8 @@
 //! backwards, from what blocks its wheels against the way that it drove last, as that need not be
 //! ahead.
 
+use serde::{Deserialize, Serialize};
+
 use super::{NavigationState, Phase, SAME_PLACE_M};
 use crate::behavior::motion::{self, At, MotionState};
 
@@ -12,7 +14,7 @@ const BACK_OFF_M: f64 = 0.08;
 const BLOCKS: u8 = 6;
 
 /// Which way it backs off.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) enum Way {
     Back,
     Ahead,

@@ -3,6 +3,7 @@
 
 use std::f64::consts::PI;
 
+use super::back_off::Way;
 use super::tick::Tick;
 use super::{HOLD_PER_S, NARROW_M_S, NavigationState, PIVOT_RAD};
 use crate::behavior::demands::Drive;
@@ -21,7 +22,7 @@ impl NavigationState {
             // Along what it touches, until it has passed that: any turn would press it there. One
             // way, as the place that it steers for may lie square beside it.
             let is_back = *self.gets_out_back.get_or_insert(beside_rad > PI / 2.0);
-            if is_back || tick.is_ahead().is_none() {
+            if is_back || tick.is_ahead(0.0).is_none() {
                 self.pivot_rad = None;
                 return Some(self.twist(tick, if is_back { -NARROW_M_S } else { NARROW_M_S }, 0.0));
             }
@@ -32,7 +33,8 @@ impl NavigationState {
         }
         let back_rad = wrap_rad(bearing_rad + PI);
         let most_rad_s = NARROW_M_S / tick.limits.half_track_m;
-        let turn_rad_s = within(HOLD_PER_S * back_rad, -most_rad_s, most_rad_s);
+        let away_rad_s = self.away_rad_s(tick, Way::Back);
+        let turn_rad_s = within(HOLD_PER_S * back_rad + away_rad_s, -most_rad_s, most_rad_s);
         Some(self.twist(tick, -NARROW_M_S * libm::cos(back_rad), turn_rad_s))
     }
 }

@@ -58,24 +58,31 @@ impl Tick<'_> {
 
     /// An echo from something that the robot would come too near to on its next piece of way: where
     /// that is.
-    pub(super) fn is_ahead(&self) -> Option<[f64; 2]> {
+    ///
+    /// - `way_rad`: how far that piece leads beside straight ahead.
+    pub(super) fn is_ahead(&self, way_rad: f64) -> Option<[f64; 2]> {
         let range_m = self.signals.get(Signal::Sensed(Channel::Range))?;
         let head_rad = self.head_rad();
         // What is too near for an echo is on the side to which the head looks.
         if range_m <= 0.0 && head_rad.abs() > TOO_NEAR_RAD {
             return None;
         }
-        let (sin, cos) = libm::sincos(head_rad);
-        let ahead_m = self.limits.range_ahead_m + range_m * cos;
+        let beside_rad = head_rad - way_rad;
+        let (way_sin, way_cos) = libm::sincos(way_rad);
+        let along_m = self.limits.range_ahead_m * way_cos + range_m * libm::cos(beside_rad);
         // Within the cone it may be nearer to the lane.
-        let aside_m = range_m * libm::sin((head_rad.abs() - CONE_RAD).max(0.0));
-        let left_m = range_m * sin;
+        let cone_m = range_m * libm::sin((beside_rad.abs() - CONE_RAD).max(0.0));
+        let sensor_m = self.limits.range_ahead_m * way_sin * beside_rad.signum();
+        let aside_m = (cone_m - sensor_m).max(0.0);
         // On the next piece of the way the middle would come nearer to it than it may.
-        let next_m = ahead_m.clamp(0.0, AHEAD_M);
-        let comes_near = libm::hypot(ahead_m - next_m, aside_m) < self.keep_m - SLACK_M;
-        if !range_m.is_finite() || ahead_m < BESIDE_M || !comes_near {
+        let next_m = along_m.clamp(0.0, AHEAD_M);
+        let comes_near = libm::hypot(along_m - next_m, aside_m) < self.keep_m - SLACK_M;
+        if !range_m.is_finite() || along_m < BESIDE_M || !comes_near {
             return None;
         }
+        let (head_sin, head_cos) = libm::sincos(head_rad);
+        let ahead_m = self.limits.range_ahead_m + range_m * head_cos;
+        let left_m = range_m * head_sin;
         let (sin, cos) = libm::sincos(self.at.heading_rad);
         Some([
             self.at.x_m + ahead_m * cos - left_m * sin,
@@ -115,7 +122,31 @@ mod tests {
             signals.set(Signal::Sensed(Channel::Head), radians(head_deg));
             let limits = MotionLimits::default();
             let tick = Tick::exploring(&signals, &limits);
-            assert_eq!(tick.is_ahead().is_some(), is_ahead, "{head_deg}°");
+            assert_eq!(tick.is_ahead(0.0).is_some(), is_ahead, "{head_deg}°");
+        }
+    }
+
+    #[test]
+    fn what_is_ahead_is_what_lies_on_the_way_though_that_leads_aside() {
+        let limits = MotionLimits::default();
+        // An echo straight ahead, and one to the left.
+        for (head_deg, way_deg, is_ahead) in [
+            (0.0, 0.0, true),
+            (0.0, 50.0, false),
+            (0.0, -50.0, false),
+            (60.0, 0.0, false),
+            (60.0, 50.0, true),
+            (60.0, -50.0, false),
+        ] {
+            let mut signals = Signals::at(0);
+            signals.set(Signal::Sensed(Channel::Range), 0.15);
+            signals.set(Signal::Sensed(Channel::Head), radians(head_deg));
+            let obstacle = Tick::exploring(&signals, &limits).is_ahead(radians(way_deg));
+            assert_eq!(obstacle.is_some(), is_ahead, "head {head_deg}°, way {way_deg}°");
+            // Whichever way it is on, that is where it is.
+            let far_m =
+                obstacle.map_or(0.15, |[x_m, y_m]| libm::hypot(x_m - limits.range_ahead_m, y_m));
+            assert!((far_m - 0.15).abs() < 1e-9, "{far_m} m");
         }
     }
 }
