@@ -5,6 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{NavigationState, Phase, SAME_PLACE_M};
+use crate::behavior::demands::Drive;
 use crate::behavior::motion::{self, At, MotionState};
 
 /// So far, metres.
@@ -13,11 +14,22 @@ const BACK_OFF_M: f64 = 0.08;
 /// It backs off from what blocks its wheels in one place no more often than this.
 const BLOCKS: u8 = 6;
 
-/// Which way it backs off.
+/// Which way it drives.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) enum Way {
     Back,
     Ahead,
+}
+
+impl Way {
+    /// None where the wheels stand, or turn the robot on the spot.
+    pub(super) fn of(drive: Drive) -> Option<Self> {
+        match drive {
+            Drive::Twist { forward_m_s, .. } if forward_m_s > 0.0 => Some(Self::Ahead),
+            Drive::Twist { forward_m_s, .. } if forward_m_s < 0.0 => Some(Self::Back),
+            _ => None,
+        }
+    }
 }
 
 impl NavigationState {
@@ -53,11 +65,11 @@ impl NavigationState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::behavior::demands::Drive;
     use crate::behavior::motion::MotionLimits;
     use crate::behavior::navigation::{Goal, KEEP_M, Order};
     use crate::behavior::signals::{Signal, Signals};
     use crate::clock::MILLISECOND_NS;
+    use crate::planning::Clearance;
     use crate::senses::Channel;
     use crate::units::radians;
 
@@ -107,6 +119,17 @@ mod tests {
             assert!(state.stall());
             let second_m = backed_off_m(&mut state, 150);
             assert!(first_m * second_m < 0.0, "{first_m} m, then {second_m} m");
+        }
+    }
+
+    #[test]
+    fn it_backs_off_no_further_than_to_what_the_map_shows_behind_it() {
+        for (behind_m, as_far_m) in [([-0.2, 0.0], -BACK_OFF_M), ([-0.11, 0.05], 0.0)] {
+            let mut state = under_way(false);
+            assert!(state.stall());
+            state.keep_clear(Clearance::of(&[behind_m]));
+            let way_m = backed_off_m(&mut state, 150);
+            assert!((way_m - as_far_m).abs() < 0.01, "{behind_m:?}: {way_m} m");
         }
     }
 

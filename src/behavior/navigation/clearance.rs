@@ -1,5 +1,5 @@
-//! How the robot keeps clear of the map's points that are near to it, as it drives by a plan that is
-//! made of cells: it steers past them, and gets away from them before it turns on the spot.
+//! How the robot keeps clear of the map's points that are near to it, as it drives by a plan made
+//! of cells: it steers past them, and gets away from them before it turns on the spot.
 
 use super::back_off::Way;
 use super::tick::Tick;
@@ -38,13 +38,10 @@ impl NavigationState {
         self.clearance.points().map(seen).filter(move |[_, _, far_m]| *far_m < close_m)
     }
 
-    fn is_lane_closed(&self, tick: &Tick<'_>, way: Way) -> bool {
+    /// Whether something keeps it from driving straight on or straight back.
+    pub(super) fn is_closed(&self, tick: &Tick<'_>, way: Way) -> bool {
         self.close(tick, way).any(|[along_m, left_m, _]| left_m.abs() < LANE * along_m)
-    }
-
-    /// Whether something close is behind it.
-    pub(super) fn is_back_closed(&self, tick: &Tick<'_>) -> bool {
-        self.is_lane_closed(tick, Way::Back)
+            || way == Way::Ahead && tick.is_ahead(0.0).is_some()
     }
 
     /// How to turn away from what is close beside the way that it drives, radians a second.
@@ -66,9 +63,7 @@ impl NavigationState {
         let [ahead_m, ..] = nearest?;
         let away = if ahead_m > 0.0 { Way::Back } else { Way::Ahead };
         let (way, made_m) = self.makes_room.unwrap_or((away, 0.0));
-        let is_closed =
-            self.is_lane_closed(tick, way) || way == Way::Ahead && tick.is_ahead(0.0).is_some();
-        let made_m = if is_closed { ROOM_M } else { made_m };
+        let made_m = if self.is_closed(tick, way) { ROOM_M } else { made_m };
         self.makes_room = Some((way, made_m + NARROW_M_S * tick.step_s));
         let forward_m_s = if way == Way::Ahead { NARROW_M_S } else { -NARROW_M_S };
         (made_m < ROOM_M).then(|| self.twist(tick, forward_m_s, 0.0))

@@ -26,7 +26,7 @@ fn off_deg(mission: &str, world: &str, drift_dps: f64, seed: u64) -> f64 {
 fn a_drift_that_the_start_lets_pass_is_removed_while_the_robot_drives() {
     println!("| mission | drift, degrees a second | heading off after 120 s: rms, most |");
     for (mission, bounds) in [
-        ("explore", [(0.0, 1.0, 2.0), (0.1, 3.5, 9.0), (-0.15, 2.0, 5.5), (0.19, 4.0, 8.0)]),
+        ("explore", [(0.0, 1.0, 2.0), (0.1, 3.5, 10.0), (-0.15, 2.0, 5.5), (0.19, 4.0, 8.0)]),
         ("map", [(0.0, 4.0, 5.5), (0.1, 14.0, 18.0), (-0.15, 7.0, 12.0), (0.19, 16.0, 30.0)]),
     ] {
         for (drift_dps, rms_bound_deg, worst_bound_deg) in bounds {
