@@ -137,7 +137,7 @@ impl Survey {
     /// How many cells reach so far, at most [`WIDEST`].
     pub(super) fn cells_within(&self, within_m: f64) -> i32 {
         #[expect(clippy::cast_possible_truncation, reason = "it is at most the widest")]
-        let cells = libm::ceil(within_m / self.cell_m).min(f64::from(WIDEST)) as i32;
+        let cells = libm::ceil(within_m / self.cell_m).clamp(0.0, f64::from(WIDEST)) as i32;
         cells
     }
 
