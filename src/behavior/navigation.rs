@@ -21,7 +21,6 @@
 //!   many collisions.
 //! - To stop where a point of the map is within 11.5 cm ahead, up to 65° aside: 15 contacts for 58
 //!   in 195 runs, and 87 % of the wall for 97, as such points close narrow places.
-//!
 //! - To be slow where a point is within 15 cm ahead, up to 75° aside: of 345 runs 47 contacts for
 //!   46. To be slow where a row of points leads to the way, as beside the end of a wall of which no
 //!   beam comes back: 26 contacts for 46 and 11 collisions for 14, but 0.7 % less of the wall, and

@@ -333,24 +333,12 @@ fn whatever_goes_wrong_on_the_way_is_said_and_the_robot_stands() {
 #[test]
 fn a_wall_that_is_lost_on_the_way_is_no_wall_that_was_never_there() {
     let bench = Bench::new("", 1);
-    let clock = StopsAt {
-        clock: Arc::clone(&bench.clock),
-        at_ns: bench.clock.now_ns() + 12 * SECOND_NS,
-        act: |simulation, _| {
-            simulation.inspect(|world: &mut WorldPhysics| {
-                let away = onbrick::sim::StartPose { x_m: 0.0, y_m: 0.0, heading_rad: PI };
-                world.carry(0, away);
-            });
-        },
-        simulation: bench.simulation.clone(),
-        flags: bench.flags.clone(),
-        done: false.into(),
-    };
-    let mut person = Measurer::new(&bench);
-    let robot = load(&wrong(1.0, 1.0, true));
-    let options = CalibrateOptions::default();
-    let error =
-        calibrate(&bench.tree, &clock, &bench.flags, &mut person, &robot, &options).unwrap_err();
+    let error = ends_after(&bench, bench.clock.now_ns() + 12 * SECOND_NS, |simulation, _| {
+        simulation.inspect(|world: &mut WorldPhysics| {
+            let away = onbrick::sim::StartPose { x_m: 0.0, y_m: 0.0, heading_rad: PI };
+            world.carry(0, away);
+        });
+    });
     assert!(matches!(error, CalibrateError::WallLost), "{error}");
     bench.assert_still();
 }
@@ -428,6 +416,22 @@ impl Clock for StopsAt {
     }
 }
 
+/// How it ends where something happens at a time.
+fn ends_after(bench: &Bench, at_ns: i64, act: fn(&Simulation, &StopFlags)) -> CalibrateError {
+    let clock = StopsAt {
+        clock: Arc::clone(&bench.clock),
+        at_ns,
+        act,
+        simulation: bench.simulation.clone(),
+        flags: bench.flags.clone(),
+        done: false.into(),
+    };
+    let mut person = Measurer::new(bench);
+    let robot = load(&wrong(1.0, 1.0, true));
+    let options = CalibrateOptions::default();
+    calibrate(&bench.tree, &clock, &bench.flags, &mut person, &robot, &options).unwrap_err()
+}
+
 #[test]
 fn a_button_and_a_signal_stop_it_within_a_tenth_of_a_second() {
     let acts: [fn(&Simulation, &StopFlags); 3] = [
@@ -438,19 +442,7 @@ fn a_button_and_a_signal_stop_it_within_a_tenth_of_a_second() {
     for act in acts {
         let bench = Bench::new("", 1);
         let at_ns = bench.clock.now_ns() + 12 * SECOND_NS;
-        let clock = StopsAt {
-            clock: Arc::clone(&bench.clock),
-            at_ns,
-            act,
-            simulation: bench.simulation.clone(),
-            flags: bench.flags.clone(),
-            done: false.into(),
-        };
-        let mut person = Measurer::new(&bench);
-        let robot = load(&wrong(1.0, 1.0, true));
-        let options = CalibrateOptions::default();
-        let error = calibrate(&bench.tree, &clock, &bench.flags, &mut person, &robot, &options)
-            .unwrap_err();
+        let error = ends_after(&bench, at_ns, act);
         let late_ns = bench.clock.now_ns() - at_ns;
         assert!(matches!(error, CalibrateError::Stopped), "{error}");
         assert!(late_ns < SECOND_NS / 10, "{late_ns} ns after it was asked to stop");
