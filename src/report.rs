@@ -87,6 +87,12 @@ pub struct PathPoint {
     pub heading_rad: f64,
 }
 
+impl PathPoint {
+    fn place(&self) -> [f64; 2] {
+        [self.x_m, self.y_m]
+    }
+}
+
 /// What a track was moved by at its start, metres and radians, or why it was not.
 pub type Correction = Result<(f64, f64), Misfit>;
 
@@ -139,7 +145,7 @@ fn is_near(x_m: f64, y_m: f64) -> bool {
 
 impl Track {
     fn start_m(&self) -> [f64; 2] {
-        self.path.first().map_or([0.0; 2], |start| [start.x_m, start.y_m])
+        self.path.first().map_or([0.0; 2], PathPoint::place)
     }
 
     /// Moves path and points: `by` is the pose of their frame's origin in the common one. Where the
@@ -268,7 +274,7 @@ impl Scene {
 
     /// The least rectangle around everything; a metre around the origin where there is nothing.
     fn bounds(&self) -> Bounds {
-        let paths = self.tracks.iter().flat_map(|track| track.path.iter().map(|p| [p.x_m, p.y_m]));
+        let paths = self.tracks.iter().flat_map(|track| track.path.iter().map(PathPoint::place));
         let points =
             self.tracks.iter().flat_map(|track| track.points.iter().map(|p| [p.x_m, p.y_m]));
         let walls = self.outlines.iter().chain(&self.edges).flatten().copied();
@@ -342,22 +348,26 @@ fn is_single(scene: &Scene) -> bool {
 const LEAST_STEP_M: f64 = 0.004;
 
 /// Leaves out what is nearer than [`LEAST_STEP_M`] to the last that was kept; the first and the
-/// last stay.
-fn thinned(path: &[PathPoint]) -> Vec<PathPoint> {
-    let mut kept: Vec<PathPoint> = Vec::new();
+/// last stay. `place` says where each is.
+fn thinned<P: PartialEq>(
+    path: impl IntoIterator<Item = P>,
+    place: impl Fn(&P) -> [f64; 2],
+) -> Vec<P> {
+    let mut kept: Vec<P> = Vec::new();
+    let mut end = None;
     for point in path {
-        let far = |last: &PathPoint| {
-            libm::hypot(point.x_m - last.x_m, point.y_m - last.y_m) >= LEAST_STEP_M
+        let is_far = |last: &P| {
+            let ([x_m, y_m], [from_x_m, from_y_m]) = (place(&point), place(last));
+            libm::hypot(x_m - from_x_m, y_m - from_y_m) >= LEAST_STEP_M
         };
-        if kept.last().is_none_or(far) {
-            kept.push(*point);
+        if kept.last().is_none_or(is_far) {
+            kept.push(point);
+            end = None;
+        } else {
+            end = Some(point);
         }
     }
-    if let (Some(end), Some(last)) = (path.last(), kept.last())
-        && end != last
-    {
-        kept.push(*end);
-    }
+    kept.extend(end.filter(|end| kept.last() != Some(end)));
     kept
 }
 
@@ -372,11 +382,11 @@ mod tests {
     #[test]
     fn thinning_keeps_the_ends() {
         let path: Vec<PathPoint> = (0..=1000).map(|step| at(f64::from(step) * 4e-5)).collect();
-        let kept = thinned(&path);
+        let kept = thinned(path.clone(), PathPoint::place);
         assert_eq!((kept.first(), kept.last()), (path.first(), path.last()));
         assert!(kept.len() <= 12, "{}", kept.len());
-        assert_eq!(thinned(&[]), []);
-        assert_eq!(thinned(&[at(1.0)]), [at(1.0)]);
+        assert_eq!(thinned([], PathPoint::place), []);
+        assert_eq!(thinned([at(1.0)], PathPoint::place), [at(1.0)]);
     }
 
     /// A track whose points are every 2 cm, twice, on a rectangle's sides around the origin, where

@@ -12,12 +12,12 @@ use std::fmt::Display;
 use std::sync::{Arc, OnceLock};
 
 use plotters::backend::{BitMapBackend, DrawingBackend, SVGBackend};
-use plotters::coord::Shift;
-use plotters::drawing::{DrawingArea, IntoDrawingArea};
+use plotters::drawing::IntoDrawingArea;
 use plotters::element::{Circle, PathElement, Polygon, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{
-    Color, FontStyle, IntoFont, RGBAColor, RGBColor, ShapeStyle, TextStyle, WHITE, register_font,
+    Color, FontDesc, FontStyle, IntoFont, RGBAColor, RGBColor, ShapeStyle, TextStyle, WHITE,
+    register_font,
 };
 use svg2pdf::usvg;
 
@@ -57,7 +57,7 @@ pub(super) trait Drawing {
     fn size(&self) -> [f64; 2];
 
     /// Draws it on a white ground.
-    fn draw<DB: DrawingBackend>(&self, canvas: &Canvas<'_, DB>) -> Result<(), PlotError>;
+    fn draw(&self, canvas: &mut Canvas);
 }
 
 /// A drawing as SVG, as wide as its layout.
@@ -65,10 +65,8 @@ pub(super) fn svg(drawing: &impl Drawing) -> Result<String, PlotError> {
     let shown = drawing.size().map(whole);
     let [width, height] = drawing.size().map(|size| whole(size * SVG_SCALE));
     let mut text = String::new();
-    {
-        let area = SVGBackend::with_string(&mut text, (width, height)).into_drawing_area();
-        Canvas { area: &area, scale: SVG_SCALE, bitmap: false }.present(drawing)?;
-    }
+    let backend = SVGBackend::with_string(&mut text, (width, height));
+    Canvas { shapes: Vec::new(), scale: SVG_SCALE, bitmap: false }.present(drawing, backend)?;
     // The coordinates stay ten times as fine; the picture is shown at its size.
     let large = format!("width=\"{width}\" height=\"{height}\" viewBox");
     let size = format!("width=\"{}\" height=\"{}\" viewBox", shown[0], shown[1]);
@@ -81,10 +79,8 @@ pub(super) fn png(drawing: &impl Drawing) -> Result<Vec<u8>, PlotError> {
     let [width, height] = drawing.size().map(|size| whole(size * PNG_SCALE) / average);
     let large = (width * average, height * average);
     let mut pixels = vec![0xff; large.0 as usize * large.1 as usize * 3];
-    {
-        let area = BitMapBackend::with_buffer(&mut pixels, large).into_drawing_area();
-        Canvas { area: &area, scale: PNG_SCALE, bitmap: true }.present(drawing)?;
-    }
+    let backend = BitMapBackend::with_buffer(&mut pixels, large);
+    Canvas { shapes: Vec::new(), scale: PNG_SCALE, bitmap: true }.present(drawing, backend)?;
     let smooth = averaged(&pixels, width as usize, height as usize);
     Ok(png_file([width, height], png::ColorType::Rgb, &smooth)?)
 }
@@ -154,54 +150,64 @@ fn whole(value: f64) -> u32 {
 }
 
 /// What a drawing is drawn on, in layout units.
-pub(super) struct Canvas<'a, DB: DrawingBackend> {
-    area: &'a DrawingArea<DB, Shift>,
+pub(super) struct Canvas {
+    /// What was drawn, from the lowest to the uppermost.
+    shapes: Vec<Shape>,
     scale: f64,
     /// True for the bitmap backend. It draws spikes where a thick line turns back, so lines are
     /// drawn piece by piece with round joins; and it sets text higher than others do.
     bitmap: bool,
 }
 
-impl<DB: DrawingBackend> Canvas<'_, DB> {
-    fn present(&self, drawing: &impl Drawing) -> Result<(), PlotError> {
+/// What a picture is put together from, in the backend's units.
+enum Shape {
+    Line(PathElement<(i32, i32)>),
+    Dot(Circle<(i32, i32), u32>),
+    Polygon(Polygon<(i32, i32)>),
+    Rectangle(Rectangle<(i32, i32)>),
+    Text(Text<'static, (i32, i32), String>),
+}
+
+impl Canvas {
+    fn present<DB: DrawingBackend>(
+        mut self,
+        drawing: &impl Drawing,
+        backend: DB,
+    ) -> Result<(), PlotError> {
         register()?;
-        self.area.fill(&WHITE).map_err(draw_error)?;
-        drawing.draw(self)?;
-        self.area.present().map_err(draw_error)
+        drawing.draw(&mut self);
+        let area = backend.into_drawing_area();
+        area.fill(&WHITE).map_err(draw_error)?;
+        for shape in &self.shapes {
+            let drawn = match shape {
+                Shape::Line(line) => area.draw(line),
+                Shape::Dot(dot) => area.draw(dot),
+                Shape::Polygon(polygon) => area.draw(polygon),
+                Shape::Rectangle(rectangle) => area.draw(rectangle),
+                Shape::Text(text) => area.draw(text),
+            };
+            drawn.map_err(draw_error)?;
+        }
+        area.present().map_err(draw_error)
     }
 
-    pub(super) fn line(
-        &self,
-        line: &[[f64; 2]],
-        colour: RGBColor,
-        width: f64,
-    ) -> Result<(), PlotError> {
+    pub(super) fn line(&mut self, line: &[[f64; 2]], colour: RGBColor, width: f64) {
         let stroke = whole((width * self.scale).max(1.0));
         let style = ShapeStyle { color: colour.to_rgba(), filled: false, stroke_width: stroke };
         let points: Vec<(i32, i32)> = line.iter().map(|place| self.at(*place)).collect();
         if !self.bitmap {
-            return self.area.draw(&PathElement::new(points, style)).map_err(draw_error);
+            return self.shapes.push(Shape::Line(PathElement::new(points, style)));
         }
-        for pair in points.windows(2) {
-            self.area.draw(&PathElement::new(pair.to_vec(), style)).map_err(draw_error)?;
-        }
+        let pieces = points.windows(2).map(|pair| PathElement::new(pair.to_vec(), style));
+        self.shapes.extend(pieces.map(Shape::Line));
         if points.len() > 2 && stroke > 2 {
-            for point in points {
-                let dot = Circle::new(point, stroke / 2, colour.filled());
-                self.area.draw(&dot).map_err(draw_error)?;
-            }
+            let joins = points.into_iter().map(|at| Circle::new(at, stroke / 2, colour.filled()));
+            self.shapes.extend(joins.map(Shape::Dot));
         }
-        Ok(())
     }
 
     /// A line of pieces with gaps between them, both this long.
-    pub(super) fn dashed(
-        &self,
-        line: &[[f64; 2]],
-        colour: RGBColor,
-        width: f64,
-        dash: f64,
-    ) -> Result<(), PlotError> {
+    pub(super) fn dashed(&mut self, line: &[[f64; 2]], colour: RGBColor, width: f64, dash: f64) {
         let mut piece: Vec<[f64; 2]> = Vec::new();
         let (mut left, mut is_drawn) = (dash, true);
         for pair in line.windows(2) {
@@ -226,71 +232,59 @@ impl<DB: DrawingBackend> Canvas<'_, DB> {
                 from = [0, 1].map(|axis| from[axis] + part * (to[axis] - from[axis]));
                 if is_drawn {
                     piece.push(from);
-                    self.line(&std::mem::take(&mut piece), colour, width)?;
+                    self.line(&std::mem::take(&mut piece), colour, width);
                 }
                 (left, is_drawn) = (dash, !is_drawn);
             }
         }
-        match piece.len() {
-            0 | 1 => Ok(()),
-            _ => self.line(&piece, colour, width),
+        if piece.len() > 1 {
+            self.line(&piece, colour, width);
         }
     }
 
-    pub(super) fn polygon(&self, corners: &[[f64; 2]], colour: RGBColor) -> Result<(), PlotError> {
+    pub(super) fn polygon(&mut self, corners: &[[f64; 2]], colour: RGBColor) {
         let corners: Vec<(i32, i32)> = corners.iter().map(|place| self.at(*place)).collect();
-        self.area.draw(&Polygon::new(corners, colour.filled())).map_err(draw_error)
+        self.shapes.push(Shape::Polygon(Polygon::new(corners, colour.filled())));
     }
 
-    pub(super) fn rectangle(
-        &self,
-        low: [f64; 2],
-        high: [f64; 2],
-        colour: RGBColor,
-    ) -> Result<(), PlotError> {
+    pub(super) fn rectangle(&mut self, low: [f64; 2], high: [f64; 2], colour: RGBColor) {
         let corners = [self.at(low), self.at(high)];
-        self.area.draw(&Rectangle::new(corners, colour.filled())).map_err(draw_error)
+        self.shapes.push(Shape::Rectangle(Rectangle::new(corners, colour.filled())));
+    }
+
+    pub(super) fn dot(&mut self, place: [f64; 2], radius: f64, colour: impl Into<RGBAColor>) {
+        let (at, colour): (_, RGBAColor) = (self.at(place), colour.into());
+        let dot = Circle::new(at, whole(radius * self.scale), colour.filled());
+        self.shapes.push(Shape::Dot(dot));
     }
 
     /// How wide a text is.
-    pub(super) fn text_width(&self, text: &str, size: f64) -> Result<f64, PlotError> {
-        let style = self.style(size, INK, LEFT_MIDDLE);
-        let (width, _) = self.area.estimate_text_size(text, &style).map_err(draw_error)?;
-        Ok(f64::from(width) / self.scale)
-    }
-
-    pub(super) fn dot(
-        &self,
-        place: [f64; 2],
-        radius: f64,
-        colour: impl Into<RGBAColor>,
-    ) -> Result<(), PlotError> {
-        let colour: RGBAColor = colour.into();
-        let dot = Circle::new(self.at(place), whole(radius * self.scale), colour.filled());
-        self.area.draw(&dot).map_err(draw_error)
+    pub(super) fn text_width(&self, text: &str, size: f64) -> f64 {
+        // The one font is in the program and known by now: each text has a size.
+        let (width, _) = self.font(size).box_size(text).unwrap_or_default();
+        f64::from(width) / self.scale
     }
 
     pub(super) fn text(
-        &self,
+        &mut self,
         text: &str,
         place: [f64; 2],
         size: f64,
         colour: RGBColor,
-        anchor: Anchor,
-    ) -> Result<(), PlotError> {
+        (h, v): Anchor,
+    ) {
         // The bitmap backend centres a line of text by its box, whose upper part is empty over most
         // letters.
-        let lower = if self.bitmap && matches!(anchor.1, VPos::Center) { 0.12 * size } else { 0.0 };
+        let lower = if self.bitmap && matches!(v, VPos::Center) { 0.12 * size } else { 0.0 };
         let place = self.at([place[0], place[1] + lower]);
-        let style = self.style(size, colour, anchor);
+        let mut style = TextStyle::from(self.font(size)).pos(Pos::new(h, v));
+        style.color = colour.to_backend_color();
         let text = printable::line(text).into_owned();
-        self.area.draw(&Text::new(text, place, style)).map_err(draw_error)
+        self.shapes.push(Shape::Text(Text::new(text, place, style)));
     }
 
-    fn style(&self, size: f64, colour: RGBColor, (h, v): Anchor) -> TextStyle<'static> {
-        let mut style = TextStyle::from((FONT, size * self.scale).into_font()).pos(Pos::new(h, v));
-        style.color = colour.to_backend_color();
-        style
+    fn font(&self, size: f64) -> FontDesc<'static> {
+        (FONT, size * self.scale).into_font()
     }
 
     fn at(&self, [x, y]: [f64; 2]) -> (i32, i32) {

@@ -4,7 +4,6 @@
 //! In the HTML page, a line follows the pointer and says what was at that moment; the same is at
 //! `#reading` and, as `data-time`, at `#chart`.
 
-use plotters::backend::DrawingBackend;
 use plotters::style::RGBColor;
 use plotters::style::text_anchor::{HPos, VPos};
 use serde_json::json;
@@ -213,170 +212,138 @@ impl Drawing for Chart<'_> {
         [WIDTH, self.bottom() + AXIS + ROW * count(self.bands.len()) + 8.0]
     }
 
-    fn draw<DB: DrawingBackend>(&self, canvas: &Canvas<'_, DB>) -> Result<(), PlotError> {
+    fn draw(&self, canvas: &mut Canvas) {
         let middle = LEFT + (WIDTH - LEFT - RIGHT) / 2.0;
-        canvas.text(&self.title, [middle, 10.0], 21.0, INK, (HPos::Center, VPos::Top))?;
+        canvas.text(&self.title, [middle, 10.0], 21.0, INK, (HPos::Center, VPos::Top));
         let times = Ruler::over(0.0, self.duration_s(), 9.0);
         let mut top = self.panels_top();
         for panel in &self.panels {
-            self.panel(canvas, panel, top, &times)?;
+            self.panel(canvas, panel, top, &times);
             top += PANEL;
         }
         for time_s in times.marks() {
             let place = [self.x(time_s), top + 7.0];
-            canvas.text(&times.label(time_s), place, 14.0, SOFT, (HPos::Center, VPos::Top))?;
+            canvas.text(&times.label(time_s), place, 14.0, SOFT, (HPos::Center, VPos::Top));
         }
         let axis = (HPos::Center, VPos::Top);
-        canvas.text("time in seconds", [middle, top + 28.0], 14.0, SOFT, axis)?;
+        canvas.text("time in seconds", [middle, top + 28.0], 14.0, SOFT, axis);
         for (row, band) in self.bands.iter().enumerate() {
-            self.band(canvas, band, TOP + BAND * count(row))?;
-            self.legend(canvas, band, self.bottom() + AXIS + ROW * (count(row) + 0.5))?;
+            self.band(canvas, band, TOP + BAND * count(row));
+            self.legend(canvas, band, self.bottom() + AXIS + ROW * (count(row) + 0.5));
         }
         let mut top = TOP + BAND * count(self.bands.len());
         for (kind, marks) in &self.lanes {
-            self.lane(canvas, kind, marks, top)?;
+            self.lane(canvas, kind, marks, top);
             top += LANE;
         }
-        Ok(())
     }
 }
 
 impl Chart<'_> {
-    fn label<DB: DrawingBackend>(
-        &self,
-        canvas: &Canvas<'_, DB>,
-        label: &str,
-        y: f64,
-    ) -> Result<(), PlotError> {
+    fn label(&self, canvas: &mut Canvas, label: &str, y: f64) {
         let label: String = label.chars().take(LABEL_LETTERS).collect();
-        canvas.text(&label, [LEFT - 8.0, y], 13.0, SOFT, (HPos::Right, VPos::Center))
+        canvas.text(&label, [LEFT - 8.0, y], 13.0, SOFT, (HPos::Right, VPos::Center));
     }
 
-    fn band<DB: DrawingBackend>(
-        &self,
-        canvas: &Canvas<'_, DB>,
-        band: &Band<'_>,
-        top: f64,
-    ) -> Result<(), PlotError> {
+    fn band(&self, canvas: &mut Canvas, band: &Band<'_>, top: f64) {
         let middle = top + BAND / 2.0;
-        self.label(canvas, band.machine, middle)?;
+        self.label(canvas, band.machine, middle);
         let states = band.states();
         for (from_s, to_s, state) in &band.spans {
             let place = states.iter().position(|known| known == state).unwrap_or(0);
             let (from, to) = (self.x(*from_s), self.x(*to_s));
             let colour = tint(OKABE_ITO[place % OKABE_ITO.len()]);
-            canvas.rectangle([from, top + 2.0], [to, top + BAND - 2.0], colour)?;
-            canvas.line(&[[from, top + 2.0], [from, top + BAND - 2.0]], SOFT, 1.0)?;
-            if canvas.text_width(state, 12.0)? + 8.0 < to - from {
-                canvas.text(state, [from + 5.0, middle], 12.0, INK, LEFT_MIDDLE)?;
+            canvas.rectangle([from, top + 2.0], [to, top + BAND - 2.0], colour);
+            canvas.line(&[[from, top + 2.0], [from, top + BAND - 2.0]], SOFT, 1.0);
+            if canvas.text_width(state, 12.0) + 8.0 < to - from {
+                canvas.text(state, [from + 5.0, middle], 12.0, INK, LEFT_MIDDLE);
             }
         }
-        Ok(())
     }
 
     /// Which colour a machine's states have: those that there is room for.
-    fn legend<DB: DrawingBackend>(
-        &self,
-        canvas: &Canvas<'_, DB>,
-        band: &Band<'_>,
-        y: f64,
-    ) -> Result<(), PlotError> {
-        self.label(canvas, band.machine, y)?;
+    fn legend(&self, canvas: &mut Canvas, band: &Band<'_>, y: f64) {
+        self.label(canvas, band.machine, y);
         let mut x = LEFT;
         for (place, state) in band.states().into_iter().enumerate() {
-            let width = canvas.text_width(state, 13.0)?;
+            let width = canvas.text_width(state, 13.0);
             if x + 22.0 + width > WIDTH - RIGHT {
                 return canvas.text("...", [x, y], 13.0, INK, LEFT_MIDDLE);
             }
             let colour = tint(OKABE_ITO[place % OKABE_ITO.len()]);
-            canvas.rectangle([x, y - 6.0], [x + 16.0, y + 6.0], colour)?;
-            canvas.text(state, [x + 22.0, y], 13.0, INK, LEFT_MIDDLE)?;
+            canvas.rectangle([x, y - 6.0], [x + 16.0, y + 6.0], colour);
+            canvas.text(state, [x + 22.0, y], 13.0, INK, LEFT_MIDDLE);
             x += 22.0 + width + 18.0;
         }
-        Ok(())
     }
 
-    fn lane<DB: DrawingBackend>(
-        &self,
-        canvas: &Canvas<'_, DB>,
-        kind: &str,
-        marks: &[&Mark],
-        top: f64,
-    ) -> Result<(), PlotError> {
+    fn lane(&self, canvas: &mut Canvas, kind: &str, marks: &[&Mark], top: f64) {
         let middle = top + LANE / 2.0;
-        self.label(canvas, kind, middle)?;
-        canvas.line(&[[LEFT, middle], [WIDTH - RIGHT, middle]], MESH, 1.0)?;
+        self.label(canvas, kind, middle);
+        canvas.line(&[[LEFT, middle], [WIDTH - RIGHT, middle]], MESH, 1.0);
         let mut last = LEFT;
         for (index, mark) in marks.iter().enumerate() {
             let x = self.x(mark.time_s);
             let diamond =
                 [[x, middle - 5.0], [x + 4.0, middle], [x, middle + 5.0], [x - 4.0, middle]];
-            canvas.polygon(&diamond, rgb(OKABE_ITO[0]))?;
+            canvas.polygon(&diamond, rgb(OKABE_ITO[0]));
             // What there is no room for is in the page, and in the table.
             let next = marks.get(index + 1).map_or(WIDTH - RIGHT, |next| self.x(next.time_s) - 4.0);
-            let width = canvas.text_width(&mark.text, 12.0)?;
+            let width = canvas.text_width(&mark.text, 12.0);
             if width + 12.0 < next - x {
-                canvas.text(&mark.text, [x + 7.0, middle], 12.0, INK, LEFT_MIDDLE)?;
+                canvas.text(&mark.text, [x + 7.0, middle], 12.0, INK, LEFT_MIDDLE);
             } else if index + 1 == marks.len() && width + 12.0 < x - last {
                 let right = (HPos::Right, VPos::Center);
-                canvas.text(&mark.text, [x - 7.0, middle], 12.0, INK, right)?;
+                canvas.text(&mark.text, [x - 7.0, middle], 12.0, INK, right);
             }
             last = x + 4.0;
         }
-        Ok(())
     }
 
-    fn panel<DB: DrawingBackend>(
-        &self,
-        canvas: &Canvas<'_, DB>,
-        panel: &Panel<'_>,
-        top: f64,
-        times: &Ruler,
-    ) -> Result<(), PlotError> {
+    fn panel(&self, canvas: &mut Canvas, panel: &Panel<'_>, top: f64, times: &Ruler) {
         let (low_y, high_y, right) = (top + PANEL - 4.0, top + HEAD, WIDTH - RIGHT);
         let (low, high) = panel.span();
         let values = Ruler::over(low, high, (low_y - high_y) / 26.0);
         let y = |value: f64| low_y - (low_y - high_y) * (value - low) / (high - low);
         for time_s in times.marks() {
             let x = self.x(time_s);
-            canvas.line(&[[x, high_y], [x, low_y]], MESH, 1.0)?;
+            canvas.line(&[[x, high_y], [x, low_y]], MESH, 1.0);
         }
         for value in values.marks() {
-            canvas.line(&[[LEFT, y(value)], [right, y(value)]], MESH, 1.0)?;
+            canvas.line(&[[LEFT, y(value)], [right, y(value)]], MESH, 1.0);
             let place = [LEFT - 8.0, y(value)];
-            canvas.text(&values.label(value), place, 13.0, SOFT, (HPos::Right, VPos::Center))?;
+            canvas.text(&values.label(value), place, 13.0, SOFT, (HPos::Right, VPos::Center));
         }
         let guides: usize = self.bands.iter().map(|band| band.spans.len()).sum();
         for band in self.bands.iter().filter(|_| guides <= MOST_GUIDES) {
             for (from_s, ..) in band.spans.iter().skip(1) {
                 let x = self.x(*from_s);
-                canvas.dashed(&[[x, high_y], [x, low_y]], GUIDE, 1.0, 3.0)?;
+                canvas.dashed(&[[x, high_y], [x, low_y]], GUIDE, 1.0, 3.0);
             }
         }
         let frame =
             [[LEFT, high_y], [right, high_y], [right, low_y], [LEFT, low_y], [LEFT, high_y]];
-        canvas.line(&frame, SOFT, 1.0)?;
+        canvas.line(&frame, SOFT, 1.0);
         let mut x = LEFT;
         for (place, signal) in panel.signals.iter().enumerate() {
             let colour = rgb(LINES[place % LINES.len()]);
             // What lies on another line does not hide it.
             let excess = 1.4 * count((panel.signals.len() - place - 1).min(2));
             for line in self.lines(signal, y) {
-                canvas.line(&line, colour, 1.6 + excess)?;
+                canvas.line(&line, colour, 1.6 + excess);
                 if let [only] = line.as_slice() {
-                    canvas.dot(*only, 1.2, colour)?;
+                    canvas.dot(*only, 1.2, colour);
                 }
             }
             let head = top + HEAD / 2.0 + 1.0;
-            canvas.line(&[[x, head], [x + 18.0, head]], colour, 2.5)?;
+            canvas.line(&[[x, head], [x + 18.0, head]], colour, 2.5);
             let mut name: String = signal.name.chars().take(NAME_LETTERS).collect();
             if place + 1 == panel.signals.len() && !panel.unit.is_empty() {
                 name = format!("{name}   in {}", panel.unit);
             }
-            canvas.text(&name, [x + 24.0, head], 14.0, INK, LEFT_MIDDLE)?;
-            x += 24.0 + canvas.text_width(&name, 14.0)? + 22.0;
+            canvas.text(&name, [x + 24.0, head], 14.0, INK, LEFT_MIDDLE);
+            x += 24.0 + canvas.text_width(&name, 14.0) + 22.0;
         }
-        Ok(())
     }
 
     /// A signal as lines, one for each time during which it was known; of what falls on half a unit

@@ -80,7 +80,7 @@ fn outline(line: &[[f64; 2]]) -> Vec<[f64; 2]> {
 /// run stays a few megabytes.
 fn track(track: &Track, place: usize, scene: &Scene) -> Value {
     let colours = colours(place, scene.tracks.len());
-    let of_path = |p: PathPoint| {
+    let of_path = |p: &PathPoint| {
         [
             rounded_to(seconds(p.time_ns), 1e3),
             rounded_to(p.x_m, 1e4),
@@ -92,7 +92,7 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
         "name": track.name,
         "pathColour": web_colour(colours.path),
         "pointColour": web_colour(colours.points),
-        "path": thinned(&track.path)
+        "path": thinned(&track.path, |at| at.place())
             .into_iter()
             .flat_map(of_path)
             .collect::<Vec<_>>(),
@@ -110,8 +110,6 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
 
 /// It has no times: the page shows the whole of it.
 fn true_path(places: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let untimed = |&[x_m, y_m]: &[f64; 2]| PathPoint { time_ns: 0, x_m, y_m, heading_rad: 0.0 };
-    let path: Vec<PathPoint> = places.iter().map(untimed).collect();
-    let thinned = thinned(&path).into_iter();
-    thinned.map(|point| [rounded_to(point.x_m, 1e4), rounded_to(point.y_m, 1e4)]).collect()
+    let thinned = thinned(places, |place| **place).into_iter();
+    thinned.map(|place| place.map(|metres| rounded_to(metres, 1e4))).collect()
 }

@@ -3,13 +3,12 @@
 //! Both axes have the same scale. What one robot drew over another's stays to be seen: the first
 //! one's path and points are larger than the last one's.
 
-use plotters::backend::DrawingBackend;
 use plotters::style::text_anchor::{HPos, VPos};
 use plotters::style::{RGBColor, WHITE};
 
 use super::canvas::{self, Canvas, Drawing, INK, LEFT_MIDDLE, MESH, PlotError, SOFT, rgb};
 use super::ruler::Ruler;
-use super::{Colours, Scene, Track, colours, is_single, page, thinned};
+use super::{Colours, PathPoint, Scene, Track, colours, is_single, page, thinned};
 use crate::sim::Paint;
 use crate::units::count;
 
@@ -149,56 +148,52 @@ impl Drawing for Picture<'_> {
         [WIDTH, self.layout.height]
     }
 
-    fn draw<DB: DrawingBackend>(&self, canvas: &Canvas<'_, DB>) -> Result<(), PlotError> {
+    fn draw(&self, canvas: &mut Canvas) {
         for mark in &self.scene.marks {
-            self.floor_mark(canvas, mark)?;
+            self.floor_mark(canvas, mark);
         }
-        self.mesh(canvas)?;
+        self.mesh(canvas);
         for edge in &self.scene.edges {
-            canvas.line(&self.placed(closed(edge)), EDGE, 2.0)?;
+            canvas.line(&self.placed(closed(edge)), EDGE, 2.0);
         }
         for outline in &self.scene.outlines {
-            canvas.line(&self.placed(outline.iter().copied()), WALL, 3.0)?;
+            canvas.line(&self.placed(outline.iter().copied()), WALL, 3.0);
         }
         // Over the lines between blocks that touch: only their common outline stays.
         for block in &self.scene.blocks {
-            canvas.polygon(&self.placed(block.iter().copied()), BLOCK)?;
+            canvas.polygon(&self.placed(block.iter().copied()), BLOCK);
         }
         let tracks = || self.scene.tracks.iter().enumerate();
         for (place, track) in tracks() {
             let (colour, radius) =
                 (rgb(self.colours(place).points), 1.9 + 0.9 * self.excess(place));
             for point in &track.points {
-                canvas.dot(self.layout.place(point.x_m, point.y_m), radius, colour)?;
+                canvas.dot(self.layout.place(point.x_m, point.y_m), radius, colour);
             }
         }
         for wall in &self.scene.walls {
-            canvas.line(&self.placed([wall.from_m, wall.to_m]), INK, 4.5)?;
+            canvas.line(&self.placed([wall.from_m, wall.to_m]), INK, 4.5);
         }
         for (place, track) in tracks() {
-            let path = thinned(&track.path);
-            let line = self.placed(path.iter().map(|p| [p.x_m, p.y_m]));
-            canvas.line(&line, rgb(self.colours(place).path), 2.0 + 1.6 * self.excess(place))?;
+            let path = thinned(&track.path, |at| at.place());
+            let line = self.placed(path.into_iter().map(PathPoint::place));
+            canvas.line(&line, rgb(self.colours(place).path), 2.0 + 1.6 * self.excess(place));
         }
         for (_, track) in tracks() {
-            canvas.dashed(&self.placed(track.truth.iter().copied()), INK, 1.2, 5.0)?;
+            canvas.dashed(&self.placed(track.truth.iter().copied()), INK, 1.2, 5.0);
         }
         for (_, track) in tracks() {
-            self.ends(canvas, track)?;
+            self.ends(canvas, track);
         }
         let middle = LEFT + self.layout.plot[0] / 2.0;
         let title = (HPos::Center, VPos::Top);
-        canvas.text(&self.scene.title, [middle, 10.0], 21.0, INK, title)?;
-        self.legend(canvas)
+        canvas.text(&self.scene.title, [middle, 10.0], 21.0, INK, title);
+        self.legend(canvas);
     }
 }
 
 impl Picture<'_> {
-    fn floor_mark<DB: DrawingBackend>(
-        &self,
-        canvas: &Canvas<'_, DB>,
-        mark: &Paint,
-    ) -> Result<(), PlotError> {
+    fn floor_mark(&self, canvas: &mut Canvas, mark: &Paint) {
         let points = mark.points.iter().copied();
         match mark.width_m {
             Some(width_m) => {
@@ -210,99 +205,86 @@ impl Picture<'_> {
         }
     }
 
-    fn mesh<DB: DrawingBackend>(&self, canvas: &Canvas<'_, DB>) -> Result<(), PlotError> {
+    fn mesh(&self, canvas: &mut Canvas) {
         let (bottom, right) = (TOP + self.layout.plot[1], LEFT + self.layout.plot[0]);
         for x_m in self.layout.marks(0) {
             let [x, _] = self.layout.place(x_m, 0.0);
-            canvas.line(&[[x, TOP], [x, bottom]], MESH, 1.0)?;
+            canvas.line(&[[x, TOP], [x, bottom]], MESH, 1.0);
             let label = self.layout.label(x_m);
-            canvas.text(&label, [x, bottom + 7.0], 14.0, SOFT, (HPos::Center, VPos::Top))?;
+            canvas.text(&label, [x, bottom + 7.0], 14.0, SOFT, (HPos::Center, VPos::Top));
         }
         for y_m in self.layout.marks(1) {
             let [_, y] = self.layout.place(0.0, y_m);
-            canvas.line(&[[LEFT, y], [right, y]], MESH, 1.0)?;
+            canvas.line(&[[LEFT, y], [right, y]], MESH, 1.0);
             let label = self.layout.label(y_m);
-            canvas.text(&label, [LEFT - 8.0, y], 14.0, SOFT, (HPos::Right, VPos::Center))?;
+            canvas.text(&label, [LEFT - 8.0, y], 14.0, SOFT, (HPos::Right, VPos::Center));
         }
         let frame = [[LEFT, TOP], [right, TOP], [right, bottom], [LEFT, bottom], [LEFT, TOP]];
-        canvas.line(&frame, SOFT, 1.0)?;
+        canvas.line(&frame, SOFT, 1.0);
         let middle = LEFT + self.layout.plot[0] / 2.0;
         let x_axis = (HPos::Center, VPos::Top);
-        canvas.text("x in metres", [middle, bottom + 28.0], 14.0, SOFT, x_axis)?;
-        canvas.text("y in metres", [LEFT - 46.0, TOP - 24.0], 14.0, SOFT, (HPos::Left, VPos::Top))
+        canvas.text("x in metres", [middle, bottom + 28.0], 14.0, SOFT, x_axis);
+        canvas.text("y in metres", [LEFT - 46.0, TOP - 24.0], 14.0, SOFT, (HPos::Left, VPos::Top));
     }
 
     /// A ring where the path begins, an arrow in the direction of the robot where it ends.
-    fn ends<DB: DrawingBackend>(
-        &self,
-        canvas: &Canvas<'_, DB>,
-        track: &Track,
-    ) -> Result<(), PlotError> {
+    fn ends(&self, canvas: &mut Canvas, track: &Track) {
         if let Some(start) = track.path.first() {
-            start_mark(canvas, self.layout.place(start.x_m, start.y_m))?;
+            start_mark(canvas, self.layout.place(start.x_m, start.y_m));
         }
         if let Some(end) = track.path.last() {
-            end_mark(canvas, self.layout.place(end.x_m, end.y_m), end.heading_rad)?;
+            end_mark(canvas, self.layout.place(end.x_m, end.y_m), end.heading_rad);
         }
-        Ok(())
     }
 
-    fn legend<DB: DrawingBackend>(&self, canvas: &Canvas<'_, DB>) -> Result<(), PlotError> {
+    fn legend(&self, canvas: &mut Canvas) {
         let row = TOP + self.layout.plot[1] + AXIS + ROW / 2.0;
-        self.legend_of_symbols(canvas, row)?;
-        if is_single(self.scene) { Ok(()) } else { self.legend_of_robots(canvas, row) }
+        self.legend_of_symbols(canvas, row);
+        if !is_single(self.scene) {
+            self.legend_of_robots(canvas, row);
+        }
     }
 
-    fn legend_of_symbols<DB: DrawingBackend>(
-        &self,
-        canvas: &Canvas<'_, DB>,
-        row: f64,
-    ) -> Result<(), PlotError> {
+    fn legend_of_symbols(&self, canvas: &mut Canvas, row: f64) {
         let (path, points) = match is_single(self.scene) {
             true => (rgb(self.colours(0).path), rgb(self.colours(0).points)),
             false => (SOFT, SOFT),
         };
         // A word of the legend; where the next entry begins.
-        let word = |word: &str, x: f64| {
-            canvas.text(word, [x, row], 14.0, INK, LEFT_MIDDLE)?;
-            Ok::<f64, PlotError>(x + canvas.text_width(word, 14.0)? + 22.0)
+        let word = |canvas: &mut Canvas, word: &str, x: f64| {
+            canvas.text(word, [x, row], 14.0, INK, LEFT_MIDDLE);
+            x + canvas.text_width(word, 14.0) + 22.0
         };
-        let mut x = LEFT;
-        canvas.line(&[[x, row], [x + 26.0, row]], path, 2.5)?;
-        x = word("path", x + 34.0)?;
+        let line = |canvas: &mut Canvas, x: f64, colour: RGBColor, width: f64, name: &str| {
+            canvas.line(&[[x, row], [x + 26.0, row]], colour, width);
+            word(canvas, name, x + 34.0)
+        };
+        let mut x = line(canvas, LEFT, path, 2.5, "path");
         if self.scene.tracks.iter().any(|track| track.truth.len() > 1) {
-            canvas.dashed(&[[x, row], [x + 26.0, row]], INK, 1.2, 5.0)?;
-            x = word("true path", x + 34.0)?;
+            canvas.dashed(&[[x, row], [x + 26.0, row]], INK, 1.2, 5.0);
+            x = word(canvas, "true path", x + 34.0);
         }
         for step in [4.0, 12.0, 20.0] {
-            canvas.dot([x + step, row], 2.3, points)?;
+            canvas.dot([x + step, row], 2.3, points);
         }
-        x = word("points", x + 30.0)?;
+        x = word(canvas, "points", x + 30.0);
         if !self.scene.walls.is_empty() {
-            canvas.line(&[[x, row], [x + 26.0, row]], INK, 4.5)?;
-            x = word("walls found", x + 34.0)?;
+            x = line(canvas, x, INK, 4.5, "walls found");
         }
-        start_mark(canvas, [x + 6.0, row])?;
-        x = word("start", x + 20.0)?;
-        end_mark(canvas, [x + 8.0, row], 0.0)?;
-        x = word("end", x + 26.0)?;
+        start_mark(canvas, [x + 6.0, row]);
+        x = word(canvas, "start", x + 20.0);
+        end_mark(canvas, [x + 8.0, row], 0.0);
+        x = word(canvas, "end", x + 26.0);
         if !self.scene.outlines.is_empty() {
-            canvas.line(&[[x, row], [x + 26.0, row]], WALL, 3.0)?;
-            x = word("walls", x + 34.0)?;
+            x = line(canvas, x, WALL, 3.0, "walls");
         }
         if !self.scene.edges.is_empty() {
-            canvas.line(&[[x, row], [x + 26.0, row]], EDGE, 2.0)?;
-            word("edge of the floor", x + 34.0)?;
+            line(canvas, x, EDGE, 2.0, "edge of the floor");
         }
-        Ok(())
     }
 
     /// The robots' colours and names, in rows below `row`.
-    fn legend_of_robots<DB: DrawingBackend>(
-        &self,
-        canvas: &Canvas<'_, DB>,
-        mut row: f64,
-    ) -> Result<(), PlotError> {
+    fn legend_of_robots(&self, canvas: &mut Canvas, mut row: f64) {
         let mut x = LEFT;
         for (place, track) in self.scene.tracks.iter().enumerate() {
             if place.is_multiple_of(NAMES_IN_A_ROW) {
@@ -310,29 +292,21 @@ impl Picture<'_> {
             }
             let colours = self.colours(place);
             for (from, to, colour) in [(0.0, 13.0, colours.path), (13.0, 26.0, colours.points)] {
-                canvas.rectangle([x + from, row - 6.0], [x + to, row + 6.0], rgb(colour))?;
+                canvas.rectangle([x + from, row - 6.0], [x + to, row + 6.0], rgb(colour));
             }
             let name: String = track.name.chars().take(NAME_LETTERS).collect();
-            canvas.text(&name, [x + 34.0, row], 14.0, INK, LEFT_MIDDLE)?;
+            canvas.text(&name, [x + 34.0, row], 14.0, INK, LEFT_MIDDLE);
             x += self.layout.plot[0] / 4.0;
         }
-        Ok(())
     }
 }
 
-fn start_mark<DB: DrawingBackend>(
-    canvas: &Canvas<'_, DB>,
-    place: [f64; 2],
-) -> Result<(), PlotError> {
-    canvas.dot(place, 6.5, INK)?;
-    canvas.dot(place, 4.2, WHITE)
+fn start_mark(canvas: &mut Canvas, place: [f64; 2]) {
+    canvas.dot(place, 6.5, INK);
+    canvas.dot(place, 4.2, WHITE);
 }
 
-fn end_mark<DB: DrawingBackend>(
-    canvas: &Canvas<'_, DB>,
-    [x, y]: [f64; 2],
-    heading_rad: f64,
-) -> Result<(), PlotError> {
+fn end_mark(canvas: &mut Canvas, [x, y]: [f64; 2], heading_rad: f64) {
     let corner = |angle_rad: f64, size: f64| {
         let direction = heading_rad + angle_rad;
         [x + size * libm::cos(direction), y - size * libm::sin(direction)]
@@ -345,8 +319,8 @@ fn end_mark<DB: DrawingBackend>(
             corner(-2.5, 8.0 + grow),
         ]
     };
-    canvas.polygon(&arrow(2.5), WHITE)?;
-    canvas.polygon(&arrow(0.0), INK)
+    canvas.polygon(&arrow(2.5), WHITE);
+    canvas.polygon(&arrow(0.0), INK);
 }
 
 /// A shape's corners with the first at the end again.

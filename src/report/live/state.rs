@@ -10,7 +10,7 @@ use crate::clock::{PacedClock, seconds};
 use crate::mapping::Pose;
 use crate::printable;
 use crate::recording::{Followed, Grid, Run, Status, StopReason};
-use crate::report::LEAST_STEP_M;
+use crate::report::thinned;
 use crate::runtime::Event;
 use crate::senses::{QUANTITIES, Senses};
 use crate::sim::{Room, Simulation};
@@ -371,19 +371,10 @@ fn points(run: &Run, has: &mut u64) -> Vec<f64> {
 
 /// The places of the path that a page has not got, x and y in turn.
 fn path(run: &Run, has: &mut u64) -> Vec<f64> {
-    let mut places: Vec<f64> = Vec::new();
-    let mut last: Option<[f64; 2]> = None;
-    let poses = fresh(&run.poses, has);
-    for (at, recorded) in poses.iter().enumerate() {
-        let [x, y] = [recorded.pose.x_m, recorded.pose.y_m];
-        let is_far =
-            last.is_none_or(|[from_x, from_y]| libm::hypot(x - from_x, y - from_y) >= LEAST_STEP_M);
-        if recorded.pose.is_finite() && (is_far || at + 1 == poses.len()) {
-            last = Some([x, y]);
-            places.extend([x, y].map(|metres| rounded_to(metres, 1e3)));
-        }
-    }
-    places
+    let poses = fresh(&run.poses, has).iter().map(|recorded| recorded.pose);
+    let places = poses.filter(Pose::is_finite).map(|pose| [pose.x_m, pose.y_m]);
+    let thinned = thinned(places, |place| *place).into_iter();
+    thinned.flatten().map(|metres| rounded_to(metres, 1e3)).collect()
 }
 
 /// The cells of a map that are occupied: the middle of each, x and y in turn, and a cell's edge.
