@@ -26,12 +26,20 @@ macro_rules! always {
     };
 }
 
+/// Answers with what was found, or with why it was not.
+macro_rules! answer {
+    ($reply:ident, $found:expr, $what:pat => $answer:expr) => {
+        match $found {
+            Ok($what) => $answer,
+            Err(errno) => $reply.error(refusal(errno)),
+        }
+    };
+}
+
 impl Filesystem for Files {
     fn lookup(&self, _request: &Request, parent: INodeNo, name: &OsStr, reply: ReplyEntry) {
-        match self.look_up(parent, name) {
-            Ok((attributes, ttl)) => reply.entry(&ttl, &attributes, Generation(0)),
-            Err(errno) => reply.error(refusal(errno)),
-        }
+        let found = self.look_up(parent, name);
+        answer!(reply, found, (entry, ttl) => reply.entry(&ttl, &entry, Generation(0)));
     }
 
     fn forget(&self, _request: &Request, node: INodeNo, lookups: u64) {
@@ -45,10 +53,7 @@ impl Filesystem for Files {
         _file: Option<FileHandle>,
         reply: ReplyAttr,
     ) {
-        match self.attributes_of(node) {
-            Ok((attributes, ttl)) => reply.attr(&ttl, &attributes),
-            Err(errno) => reply.error(refusal(errno)),
-        }
+        answer!(reply, self.attributes_of(node), (found, ttl) => reply.attr(&ttl, &found));
     }
 
     /// Lengths and times may be set, to no effect: a program truncates what it writes to. Rights
@@ -87,17 +92,13 @@ impl Filesystem for Files {
             let brick = self.brick(place.robot.ok_or(Errno::EINVAL)?)?;
             brick.target(&place.path)
         });
-        match target {
-            Ok(target) => reply.data(target.as_bytes()),
-            Err(errno) => reply.error(refusal(errno)),
-        }
+        answer!(reply, target, target => reply.data(target.as_bytes()));
     }
 
     fn open(&self, _request: &Request, node: INodeNo, flags: OpenFlags, reply: ReplyOpen) {
-        match self.open_file(node, flags) {
-            Ok((handle, flags)) => reply.opened(FileHandle(self.open.insert(handle)), flags),
-            Err(errno) => reply.error(refusal(errno)),
-        }
+        let opened = self.open_file(node, flags);
+        let opened = opened.map(|(handle, flags)| (FileHandle(self.open.insert(handle)), flags));
+        answer!(reply, opened, (number, flags) => reply.opened(number, flags));
     }
 
     fn read(
@@ -161,13 +162,9 @@ impl Filesystem for Files {
     }
 
     fn opendir(&self, _request: &Request, node: INodeNo, _flags: OpenFlags, reply: ReplyOpen) {
-        match self.list(node) {
-            Ok(entries) => {
-                let number = self.open.insert(Handle::Folder(entries));
-                reply.opened(FileHandle(number), FopenFlags::empty());
-            }
-            Err(errno) => reply.error(refusal(errno)),
-        }
+        let listed = self.list(node);
+        let number = listed.map(|entries| FileHandle(self.open.insert(Handle::Folder(entries))));
+        answer!(reply, number, number => reply.opened(number, FopenFlags::empty()));
     }
 
     fn readdir(
@@ -188,10 +185,7 @@ impl Filesystem for Files {
             }
             Ok(())
         });
-        match listed {
-            Ok(()) => reply.ok(),
-            Err(errno) => reply.error(refusal(errno)),
-        }
+        answer!(reply, listed, () => reply.ok());
     }
 
     fn releasedir(
@@ -221,10 +215,7 @@ impl Filesystem for Files {
         if waits {
             self.open.watch(file.0);
         }
-        match events {
-            Ok(events) => reply.poll(events),
-            Err(errno) => reply.error(refusal(errno)),
-        }
+        answer!(reply, events, events => reply.poll(events));
     }
 
     fn ioctl(
@@ -239,27 +230,23 @@ impl Filesystem for Files {
         reply: ReplyIoctl,
     ) {
         let room = usize::try_from(out_size).unwrap_or(usize::MAX);
-        match self.open.with(file.0, |handle| handle.ioctl(command, room)) {
-            Ok((result, bytes)) => reply.ioctl(result, &bytes),
-            Err(errno) => reply.error(refusal(errno)),
-        }
+        let done = self.open.with(file.0, |handle| handle.ioctl(command, room));
+        answer!(reply, done, (result, bytes) => reply.ioctl(result, &bytes));
     }
 
     fn access(&self, request: &Request, node: INodeNo, mask: AccessFlags, reply: ReplyEmpty) {
-        let entry = self.place(node).and_then(|place| self.entry(&place));
         let wanted = mask.bits().cast_unsigned() & 0o7;
-        match entry {
+        let allowed = self.place(node).and_then(|place| self.entry(&place)).and_then(|entry| {
             // Root may read and write whatever the rights say, and find out by opening that sysfs
             // does not let it.
-            Ok(entry)
-                if request.uid() == 0 && (wanted & 1 == 0 || entry.permissions & 0o111 != 0) =>
-            {
-                reply.ok()
-            }
-            Ok(entry) if wanted & !(entry.permissions >> 6) == 0 => reply.ok(),
-            Ok(_) => reply.error(fuser::Errno::EACCES),
-            Err(errno) => reply.error(refusal(errno)),
-        }
+            let rights = match request.uid() {
+                0 if entry.permissions & 0o111 != 0 => 0o7,
+                0 => 0o6,
+                _ => entry.permissions >> 6,
+            };
+            if wanted & !rights == 0 { Ok(()) } else { Err(Errno::EACCES) }
+        });
+        answer!(reply, allowed, () => reply.ok());
     }
 
     always! { ok():
@@ -291,9 +278,6 @@ impl Filesystem for Files {
 }
 
 fn written(answer: Result<usize, Errno>, reply: ReplyWrite) {
-    match answer.map(u32::try_from) {
-        Ok(Ok(taken)) => reply.written(taken),
-        Ok(Err(_)) => reply.error(fuser::Errno::EIO),
-        Err(errno) => reply.error(refusal(errno)),
-    }
+    let taken = answer.and_then(|taken| u32::try_from(taken).map_err(|_| Errno::EIO));
+    answer!(reply, taken, taken => reply.written(taken));
 }

@@ -245,73 +245,63 @@ const MOTORS: [(&str, Option<MotorKind>); 6] = [
     ("linear100", Some(MotorKind::Linear100)),
     ("rcx", Some(MotorKind::Rcx)),
 ];
+
+/// What a world's file says of a robot besides its numbers.
+const OTHERS: [&str; 11] = [
+    "left",
+    "right",
+    "left_inverted",
+    "right_inverted",
+    "head",
+    "head_gear",
+    "colour_at_m",
+    "ports",
+    "echo",
+    "own_echoes",
+    "errors",
+];
+
 impl RobotModel {
     /// Reads `[robot]`; what is left out keeps its default.
     pub(super) fn read(section: &Section<'_>) -> Self {
-        section.allow(&[
-            "wheel_circumference_m",
-            "track_width_m",
-            "front_m",
-            "rear_m",
-            "half_width_m",
-            "corner_m",
-            "mass_kg",
-            "grip_n",
-            "caster_drag",
-            "left",
-            "right",
-            "left_inverted",
-            "right_inverted",
-            "head",
-            "head_gear",
-            "range_ahead_m",
-            "colour_at_m",
-            "ports",
-            "echo",
-            "own_echoes",
-            "errors",
-        ]);
-        let seed = Self::default();
-        let read = |key, low, high, default| number(section, key, low, high, default);
+        let mut model = Self::default();
+        let numbers = [
+            ("wheel_circumference_m", &mut model.wheel_circumference_m, 0.01, 2.0),
+            ("track_width_m", &mut model.track_width_m, 0.02, 1.0),
+            ("front_m", &mut model.front_m, 0.02, 1.0),
+            ("rear_m", &mut model.rear_m, 0.02, 1.0),
+            ("half_width_m", &mut model.half_width_m, 0.02, 1.0),
+            ("corner_m", &mut model.corner_m, 0.01, 1.0),
+            ("mass_kg", &mut model.mass_kg, 0.1, 20.0),
+            ("grip_n", &mut model.grip_n, 0.1, 200.0),
+            ("caster_drag", &mut model.caster_drag, 0.0, 1.0),
+            ("range_ahead_m", &mut model.range_ahead_m, -1.0, 1.0),
+        ];
+        section.allow(&[numbers.each_ref().map(|number| number.0).as_slice(), &OTHERS].concat());
+        for (key, value, low, high) in numbers {
+            *value = number(section, key, low, high, *value);
+        }
         let flag = |key| section.get(key).and_then(|item| item.flag()).unwrap_or(false);
         let port =
             |key, default| section.get(key).and_then(|item| item.word(&OUTPUTS)).unwrap_or(default);
-        let echo =
-            section.get("echo").and_then(|item| item.word(&EchoModel::WORDS)).unwrap_or_default();
-        let left_out = Errors::of(echo);
-        let model = Self {
-            wheel_circumference_m: read(
-                "wheel_circumference_m",
-                0.01,
-                2.0,
-                seed.wheel_circumference_m,
-            ),
-            track_width_m: read("track_width_m", 0.02, 1.0, seed.track_width_m),
-            front_m: read("front_m", 0.02, 1.0, seed.front_m),
-            rear_m: read("rear_m", 0.02, 1.0, seed.rear_m),
-            half_width_m: read("half_width_m", 0.02, 1.0, seed.half_width_m),
-            corner_m: read("corner_m", 0.01, 1.0, seed.corner_m),
-            mass_kg: read("mass_kg", 0.1, 20.0, seed.mass_kg),
-            grip_n: read("grip_n", 0.1, 200.0, seed.grip_n),
-            caster_drag: read("caster_drag", 0.0, 1.0, seed.caster_drag),
-            drive: [port("left", seed.drive[0]), port("right", seed.drive[1])],
-            drive_inverted: [flag("left_inverted"), flag("right_inverted")],
-            head: head(section, seed.head),
-            head_ratio: section
-                .get("head_gear")
-                .and_then(|item| item.gear())
-                .unwrap_or(seed.head_ratio),
-            range_ahead_m: read("range_ahead_m", -1.0, 1.0, seed.range_ahead_m),
-            colour_at_m: section
-                .section("colour_at_m")
-                .map_or(seed.colour_at_m, |places| colour_places(&places, seed.colour_at_m)),
-            plug: section.section("ports").map_or(seed.plug, |ports| plug(&ports, seed.plug)),
-            echo,
-            own_echoes: own_echoes(section),
-            errors: section
-                .section("errors")
-                .map_or(left_out, |errors| Errors::read(&errors, &left_out)),
-        };
+        let echo = section.get("echo").and_then(|item| item.word(&EchoModel::WORDS));
+        let gear = section.get("head_gear").and_then(|item| item.gear());
+        model.drive = [port("left", model.drive[0]), port("right", model.drive[1])];
+        model.drive_inverted = [flag("left_inverted"), flag("right_inverted")];
+        model.head = head(section, model.head);
+        model.head_ratio = gear.unwrap_or(model.head_ratio);
+        if let Some(places) = section.section("colour_at_m") {
+            model.colour_at_m = colour_places(&places, model.colour_at_m);
+        }
+        if let Some(ports) = section.section("ports") {
+            model.plug = plug(&ports, model.plug);
+        }
+        model.echo = echo.unwrap_or_default();
+        model.own_echoes = own_echoes(section);
+        model.errors = Errors::of(model.echo);
+        if let Some(errors) = section.section("errors") {
+            model.errors = Errors::read(&errors, &model.errors);
+        }
         model.check(section);
         model
     }
