@@ -180,7 +180,7 @@ const LOOKAHEAD_M: f64 = 0.12;
 const STEERING: f64 = 0.4;
 
 /// A step that took longer begins again from rest, nanoseconds: the robot waited for something.
-const GAP_NS: i64 = 200 * MILLISECOND_NS;
+pub(super) const GAP_NS: i64 = 200 * MILLISECOND_NS;
 
 impl MotionState {
     /// A motion that begins with the next step.

@@ -45,7 +45,7 @@ mod looking;
 mod tick;
 
 use super::demands::Drive;
-use super::motion::{self, At, MotionLimits, MotionState};
+use super::motion::{self, At, GAP_NS, MotionLimits, MotionState};
 use super::signals::{Signal, Signals};
 use crate::clock::{MILLISECOND_NS, seconds};
 use crate::planning::{self, Clearance, Outcome, Plan, Request, View};
@@ -170,9 +170,6 @@ pub struct NavigationState {
 
 /// A plan is this old when the next one is asked for, nanoseconds.
 const REPLAN_NS: i64 = 1000 * MILLISECOND_NS;
-
-/// A step that took longer begins again from rest, nanoseconds.
-const GAP_NS: i64 = 200 * MILLISECOND_NS;
 
 /// The way is steered for so far ahead, metres.
 const LOOKAHEAD_M: f64 = 0.13;
