@@ -8,6 +8,7 @@ use super::output::safe;
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::wall_ns;
+use crate::document::save::{self, Readers};
 use crate::document::{Findings, one_of};
 #[cfg(feature = "sim")]
 use crate::mapping::Pose;
@@ -295,7 +296,7 @@ pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
         ))
         .hint("another name, or move that file away: only one of its kind is written over"));
     }
-    crate::document::save::write(path, bytes)
+    save::write(path, bytes, Readers::AsUsual)
         .map_err(|error| Failure::new(Exit::Failed, with_causes(&error)).hint(WRITABLE))
 }
 

@@ -6,7 +6,7 @@ use super::common::{WRITABLE, must_be_new};
 use super::{Exit, Failure, Output};
 use crate::behavior::shipped::{self, Shipped};
 use crate::document::one_of;
-use crate::document::save;
+use crate::document::save::{self, Readers};
 use crate::printable::with_causes;
 use crate::robot::ROBOTS;
 
@@ -72,7 +72,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         return Ok(());
     };
     must_be_new(path)?;
-    save::create(path, text)
+    save::create(path, text, Readers::AsUsual)
         .map_err(|error| Failure::new(Exit::Failed, with_causes(&error)).hint(WRITABLE))?;
     output.wrote(path);
     Ok(())

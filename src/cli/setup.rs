@@ -9,7 +9,7 @@ use super::terminal::{Terminal, stop_flags};
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::MonotonicClock;
 use crate::commissioning::SetupError;
-use crate::document::save::{self, SaveError};
+use crate::document::save::{self, Readers, SaveError};
 use crate::ev3dev::{LocalTree, Tree};
 use crate::runtime::HardwareLock;
 
@@ -59,7 +59,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let kept = if arguments.force {
         save::replace(file, &text).map_err(|error| not_written(&error))?
     } else {
-        save::create(file, &text).map_err(|error| not_written(&error))?;
+        save::create(file, &text, Readers::AsUsual).map_err(|error| not_written(&error))?;
         None
     };
     let was = kept

@@ -6,9 +6,10 @@
 //! What a run decides depends on virtual time alone, so the pace changes when something happens on
 //! the wall, and nothing of what happens.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 
 use super::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, nanoseconds, seconds};
+use crate::threads::lock;
 
 /// A sleeper looks this often whether the pace has changed, and readers see time pass in such
 /// steps, nanoseconds.
@@ -43,7 +44,7 @@ impl PacedClock {
 
     /// Another pace from now on. One that is not positive is as slow as can be.
     pub fn set_pace(&self, pace: Option<f64>) {
-        let mut state = self.state();
+        let mut state = lock(&self.state);
         state.pace = pace;
         state.since = (MonotonicClock.now_ns(), state.now_ns);
     }
@@ -51,11 +52,7 @@ impl PacedClock {
     /// The pace now.
     #[must_use]
     pub fn pace(&self) -> Option<f64> {
-        self.state().pace
-    }
-
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.state).pace
     }
 }
 
@@ -76,14 +73,14 @@ impl State {
 
 impl Clock for PacedClock {
     fn now_ns(&self) -> i64 {
-        self.state().now_ns
+        lock(&self.state).now_ns
     }
 
     fn sleep_until_ns(&self, deadline_ns: i64) {
         loop {
             let wall_ns = MonotonicClock.now_ns();
             let left_ns = {
-                let mut state = self.state();
+                let mut state = lock(&self.state);
                 state.advance(deadline_ns, wall_ns);
                 if state.now_ns >= deadline_ns {
                     return;

@@ -22,26 +22,22 @@ pub enum SaveError {
     },
 }
 
+/// Who may read a file that is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Readers {
+    /// Those who could read the one that was there; of a new one, as the umask has it.
+    AsUsual,
+    /// Its owner alone.
+    Owner,
+}
+
 /// Writes a new file.
 ///
 /// # Errors
 ///
 /// [`SaveError::Exists`] where there is one; a file that is there is never touched, and a disk that
 /// is full leaves none.
-pub fn create(path: &Path, text: &str) -> Result<(), SaveError> {
-    create_for(Readers::AsUsual, path, text)
-}
-
-/// As [`create`], for a file that only its owner reads.
-///
-/// # Errors
-///
-/// As [`create`].
-pub fn create_private(path: &Path, text: &str) -> Result<(), SaveError> {
-    create_for(Readers::Owner, path, text)
-}
-
-fn create_for(readers: Readers, path: &Path, text: &str) -> Result<(), SaveError> {
+pub fn create(path: &Path, text: &str, readers: Readers) -> Result<(), SaveError> {
     write_beside(readers, path, text.as_bytes(), |fresh| match std::fs::hard_link(fresh, path) {
         // A file system without links, as on many memory cards.
         Err(error)
@@ -70,20 +66,7 @@ fn create_for(readers: Readers, path: &Path, text: &str) -> Result<(), SaveError
 /// # Errors
 ///
 /// [`SaveError::Io`]; what was there is then as it was.
-pub fn write(path: &Path, bytes: &[u8]) -> Result<(), SaveError> {
-    write_for(Readers::AsUsual, path, bytes)
-}
-
-/// As [`write()`], for a file that only its owner reads.
-///
-/// # Errors
-///
-/// As [`write()`].
-pub fn write_private(path: &Path, text: &str) -> Result<(), SaveError> {
-    write_for(Readers::Owner, path, text.as_bytes())
-}
-
-fn write_for(readers: Readers, path: &Path, bytes: &[u8]) -> Result<(), SaveError> {
+pub fn write(path: &Path, bytes: &[u8], readers: Readers) -> Result<(), SaveError> {
     // What is no file, such as a terminal or a pipe, is no name that could change hands.
     if std::fs::metadata(path).is_ok_and(|known| !known.is_file()) {
         return std::fs::write(path, bytes).map_err(failed(path));
@@ -91,14 +74,6 @@ fn write_for(readers: Readers, path: &Path, bytes: &[u8]) -> Result<(), SaveErro
     // The name of a link stays a link: what it leads to is written.
     let led_to = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     write_beside(readers, &led_to, bytes, |fresh| std::fs::rename(fresh, &led_to))
-}
-
-/// Who may read a file that is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Readers {
-    /// Those who could read the one that was there; of a new one, as the umask has it.
-    AsUsual,
-    Owner,
 }
 
 /// Writes a file beside the one that is meant, and has it take the name when its bytes are on the
@@ -148,7 +123,7 @@ pub fn replace(path: &Path, text: &str) -> Result<Option<PathBuf>, SaveError> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => None,
         Err(error) => return Err(failed(path)(error)),
     };
-    write(path, text.as_bytes())?;
+    write(path, text.as_bytes(), Readers::AsUsual)?;
     Ok(backup)
 }
 
@@ -193,8 +168,8 @@ mod tests {
     fn a_file_that_is_there_is_never_overwritten_unasked() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("robot.toml");
-        create(&path, "first").unwrap();
-        let refused = create(&path, "second").unwrap_err();
+        create(&path, "first", Readers::AsUsual).unwrap();
+        let refused = create(&path, "second", Readers::AsUsual).unwrap_err();
         assert!(matches!(refused, SaveError::Exists(_)), "{refused}");
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "first");
     }
@@ -219,12 +194,12 @@ mod tests {
     fn what_can_be_made_again_is_written_through_links_and_to_what_is_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let (file, link) = (folder.path().join("map.svg"), folder.path().join("link.svg"));
-        write(&file, b"first").unwrap();
+        write(&file, b"first", Readers::AsUsual).unwrap();
         std::os::unix::fs::symlink("map.svg", &link).unwrap();
-        write(&link, b"second").unwrap();
+        write(&link, b"second", Readers::AsUsual).unwrap();
         assert_eq!(std::fs::read(&file).unwrap(), b"second");
         assert!(link.symlink_metadata().unwrap().is_symlink());
-        write(Path::new("/dev/null"), b"third").unwrap();
+        write(Path::new("/dev/null"), b"third", Readers::AsUsual).unwrap();
         assert_eq!(
             std::fs::read_dir(folder.path()).unwrap().count(),
             2,

@@ -55,7 +55,7 @@ impl Battery {
             others.first().map_or(usual, |name| name)
         };
         let node = Node::new(tree, &format!("sys/class/power_supply/{name}"), None);
-        match tree.list(node.folder()) {
+        match tree.list(&node.folder) {
             Ok(_) => Ok(Self { node, files: BatteryFiles::new() }),
             Err(Errno::ENOENT) => Err(node.error("voltage_now", None, Cause::Gone(Errno::ENOENT))),
             Err(errno) => Err(node.error("voltage_now", None, Cause::Other(errno))),

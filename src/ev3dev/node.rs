@@ -61,17 +61,13 @@ impl AttributeSpec {
 #[derive(Debug, Clone)]
 pub(crate) struct Node {
     tree: Arc<dyn Tree>,
-    folder: Arc<str>,
+    pub(crate) folder: Arc<str>,
     port: Option<PortAddress>,
 }
 
 impl Node {
     pub(crate) fn new(tree: &Arc<dyn Tree>, folder: &str, port: Option<PortAddress>) -> Self {
         Self { tree: Arc::clone(tree), folder: folder.into(), port }
-    }
-
-    pub(crate) fn folder(&self) -> &str {
-        &self.folder
     }
 
     pub(crate) fn open(

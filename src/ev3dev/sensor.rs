@@ -48,7 +48,7 @@ use crate::clock::MILLISECOND_NS;
 /// Any sensor, with its own modes, units and decimals.
 #[derive(Debug)]
 pub struct Sensor {
-    node: Node,
+    pub(crate) node: Node,
     files: SensorFiles,
     bin_data: Attribute<()>,
     direct: Attribute<()>,
@@ -312,10 +312,6 @@ impl Sensor {
     /// What `poll` answers.
     pub fn wait_changed(&self, timeout: Duration) -> Result<bool, DeviceError> {
         self.files.value0.wait_changed(&self.node, timeout)
-    }
-
-    pub(crate) fn node(&self) -> &Node {
-        &self.node
     }
 
     /// The first value, not yet divided by ten to the power of `decimals`, which must be legal.

@@ -252,7 +252,7 @@ impl Client {
     /// Where the brick is thought to be.
     #[must_use]
     pub fn address(&self) -> &str {
-        self.line.address()
+        &self.line.written
     }
 
     /// How the brick is.

@@ -23,7 +23,8 @@ use nix::sys::socket::{
 #[derive(Debug)]
 pub(super) struct Held {
     own: OwnedFd,
-    peer: IpAddr,
+    /// Who is at the other end.
+    pub(super) peer: IpAddr,
 }
 
 impl Held {
@@ -52,11 +53,6 @@ impl Held {
         let peer = address(&getpeername(own.as_raw_fd()).ok()?)?;
         let here = address(&getsockname(own.as_raw_fd()).ok()?)?;
         is_it(here, peer).then_some(Self { own, peer: peer.0 })
-    }
-
-    /// Who is at the other end.
-    pub(super) fn peer(&self) -> IpAddr {
-        self.peer
     }
 
     /// Ends the connection; libzmq finds that out.
@@ -114,12 +110,12 @@ mod tests {
         near.write_all(&[7; 12_345]).unwrap();
         far.read_exact(&mut [0; 12_345]).unwrap();
         let held = Held::of(far.as_raw_fd(), address.port()).unwrap();
-        assert_eq!(held.peer(), address.ip());
+        assert_eq!(held.peer, address.ip());
         // QEMU does not know this option where it stands for the kernel.
         let uncounted = cfg!(target_arch = "arm") && held.received().is_none();
         assert!(uncounted || held.received() == Some(12_345), "{:?}", held.received());
         let ours = Held::to(near.as_raw_fd(), address).unwrap();
-        assert_eq!((ours.peer(), ours.received().unwrap_or(0)), (address.ip(), 0));
+        assert_eq!((ours.peer, ours.received().unwrap_or(0)), (address.ip(), 0));
         assert!(Held::to(far.as_raw_fd(), address).is_none(), "that is the other end");
         held.shut();
         assert_eq!(near.read(&mut [0]).unwrap(), 0);

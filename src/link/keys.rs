@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use super::curve::{self, NoCurve};
-use crate::document::save::{SaveError, create_private};
+use crate::document::save::{Readers, SaveError, create};
 use crate::document::{Document, Findings, Item};
 use crate::protocol::{Name, NoName};
 
@@ -264,7 +264,7 @@ impl KeyPair {
              public = \"{public}\"\nsecret = \"{secret}\"\n"
         );
         make_folder(folder)?;
-        create_private(&path, &text)?;
+        create(&path, &text, Readers::Owner)?;
         Ok(path)
     }
 

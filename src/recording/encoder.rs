@@ -52,7 +52,7 @@ pub(super) struct Encoder {
     window: Window,
     ring: RingUse,
     senses: message::SensesMessage,
-    status: Status,
+    pub(super) status: Status,
 }
 
 /// How full the ring was, and its size, in entries.
@@ -97,10 +97,6 @@ impl Encoder {
             senses: message::SensesMessage::default(),
             status,
         }
-    }
-
-    pub(super) fn status(&self) -> &Status {
-        &self.status
     }
 
     /// Notes how full the ring was. Where time is simulated that says something of the machine and

@@ -125,7 +125,7 @@ impl Recorder {
         let dropped = tick_side.dropped();
         {
             let mut closing = lock(&self.end);
-            *closing = Closing { end: Some(end), pending: tick_side.pending() };
+            *closing = Closing { end: Some(end), pending: tick_side.pending };
         }
         drop(tick_side);
         match self.join() {
@@ -215,7 +215,7 @@ impl<S: Serialize> Work<S> {
                     }
                 }
                 entries.commit_all();
-                self.tell(encoder.status());
+                self.tell(&encoder.status);
             }
             if closing {
                 return Ok(());
@@ -223,7 +223,7 @@ impl<S: Serialize> Work<S> {
             // The run's clock decides about syncs, but where no ticks come it stands still.
             idle_looks = if ticks { 0 } else { idle_looks + 1 };
             if self.pace == Pace::Real && idle_looks >= IDLE_LOOKS && encoder.file.is_dirty() {
-                encoder.sync(encoder.status().time_ns)?;
+                encoder.sync(encoder.status.time_ns)?;
             }
             std::thread::park_timeout(LOOK_PERIOD);
         }
@@ -231,7 +231,7 @@ impl<S: Serialize> Work<S> {
 
     fn close(&mut self, mut encoder: Encoder) -> Result<u64, RecordError> {
         let closing = std::mem::take(&mut *lock(&self.end));
-        (self.on_status)(encoder.status());
+        (self.on_status)(&encoder.status);
         let ending = closing.end.as_ref().map(of_end);
         let finished = finish(&mut encoder, &closing).and_then(|()| encoder.file.finish(ending));
         if finished.is_err() {
@@ -289,7 +289,7 @@ fn finish(encoder: &mut Encoder, closing: &Closing) -> Result<(), RecordError> {
     if let Some(dropped) = closing.pending {
         encoder.gap(dropped)?;
     }
-    let last_ns = encoder.status().time_ns;
+    let last_ns = encoder.status.time_ns;
     match &closing.end {
         Some(end) => encoder.close(end.time_ns, &end.points, end.map.as_ref()),
         None => encoder.close(last_ns, &[], None),

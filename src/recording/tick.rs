@@ -152,7 +152,8 @@ pub struct TickSide<S> {
     /// The recorder, to be woken when the ring is full; only where time is simulated.
     recorder: Option<Thread>,
     tick: u64,
-    pending: Option<Dropped>,
+    /// What was dropped since the last entry that fitted: its gap could not be put any more.
+    pub(super) pending: Option<Dropped>,
     dropped: u32,
 }
 
@@ -230,11 +231,6 @@ impl<S> TickSide<S> {
         self.dropped
     }
 
-    /// What was dropped since the last entry that fitted: its gap could not be put any more.
-    pub(super) fn pending(&self) -> Option<Dropped> {
-        self.pending
-    }
-
     fn put(&mut self, entry: Entry) {
         if let Some(dropped) = self.pending
             && self.push(Entry::Gap(dropped))
@@ -305,7 +301,7 @@ mod tests {
         let Ok(Entry::Gap(gap)) = ring.pop() else { panic!("a gap comes first") };
         assert_eq!(gap, Dropped { first_tick: 2, last_tick: 4, entries: 3 });
         assert!(matches!(ring.pop(), Ok(Entry::Log { .. })));
-        assert_eq!(side.pending(), None);
+        assert_eq!(side.pending, None);
     }
 
     #[test]
@@ -316,7 +312,7 @@ mod tests {
         assert!(ring.pop().is_ok());
         side.log(0, Level::Info, "after the gap");
         assert!(matches!(ring.pop(), Ok(Entry::Gap(Dropped { entries: 1, .. }))));
-        assert_eq!(side.pending().map(|gap| gap.entries), Some(1));
+        assert_eq!(side.pending.map(|gap| gap.entries), Some(1));
         assert_eq!(side.dropped(), 2);
     }
 

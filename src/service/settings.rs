@@ -5,8 +5,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::store::{read_small, replace_file};
+use super::store::replace_file;
 use crate::behavior::Mission;
+use crate::document::read_bounded;
 use crate::protocol::{Kind, Refusal, SettingsChange};
 
 /// The file's name; no run can have it, because of its dot.
@@ -33,7 +34,7 @@ impl Default for Kept {
 impl Kept {
     /// Reads them; what is not there or cannot be read is as at first.
     pub(super) fn read(folder: &Path) -> Self {
-        match read_small(&folder.join(FILE)) {
+        match read_bounded(&folder.join(FILE)) {
             Ok(bytes) => serde_json::from_slice(&bytes).unwrap_or_else(|error| {
                 log::warn!(
                     "the settings in {} are not to be understood ({error}): they are as at first",

@@ -47,7 +47,7 @@ mod files;
 mod record;
 mod room;
 
-pub(super) use files::{read_small, replace_file};
+pub(super) use files::replace_file;
 pub(super) use record::Record;
 
 /// A run needs this much room to begin with, bytes: five minutes of the shipped robot. While it

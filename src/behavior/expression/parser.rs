@@ -330,7 +330,7 @@ impl<'p> Parser<'p, '_> {
     fn name(&mut self, name: &'p str, place: Range<usize>) -> Typed {
         if let Some(word) = words().find(|word| word.name == name) {
             let role = word.channel.map(|channel| channel.quantity().role);
-            if let Some(role) = role.filter(|role| !self.vocabulary.capabilities().has(*role)) {
+            if let Some(role) = role.filter(|role| !self.vocabulary.capabilities.has(*role)) {
                 let (mistake, hint) = Mistake::no_part(name, role);
                 self.note(place.clone(), mistake, Some(hint));
             }

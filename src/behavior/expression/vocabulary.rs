@@ -29,7 +29,8 @@ const STOPS: &str = "Enter and Back stop the run; a mission has `button_up`, `bu
 /// The names that an expression may use: the signals of a robot, and a mission's own names.
 #[derive(Debug)]
 pub struct Vocabulary<'c> {
-    capabilities: &'c Capabilities,
+    /// What the robot has.
+    pub(in crate::behavior) capabilities: &'c Capabilities,
     /// The mission's own numbers.
     pub numbers: BTreeMap<String, f64>,
     /// The mission's variables, each with what it is at the start, in the order of their places.
@@ -121,11 +122,6 @@ impl<'c> Vocabulary<'c> {
         words().any(|word| word.name == name)
             || LANGUAGE.into_iter().chain(["motor", "sensor"]).any(|word| word == name)
             || FUNCTIONS.iter().any(|row| row.0.name() == name)
-    }
-
-    /// What the robot has.
-    pub(in crate::behavior) fn capabilities(&self) -> &'c Capabilities {
-        self.capabilities
     }
 }
 

@@ -20,7 +20,8 @@ const MOST_AHEAD_S: f64 = 0.1;
 /// A run that is watched.
 #[derive(Debug)]
 pub(super) struct Watch {
-    run: RunId,
+    /// Which run.
+    pub(super) run: RunId,
     seen: Mutex<Seen>,
     over: AtomicBool,
 }
@@ -111,11 +112,6 @@ impl Watch {
     /// When the run began to drive, where that was seen.
     pub(super) fn began(&self) -> Option<Began> {
         lock(&self.seen).began
-    }
-
-    /// Which run.
-    pub(super) fn run(&self) -> &RunId {
-        &self.run
     }
 
     /// How much of the mission's time is over, in thousandths; all of it where the run is over.

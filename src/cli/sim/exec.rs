@@ -34,8 +34,8 @@ pub(super) fn exec(brick: &Path, program: &[OsString], output: &mut Output) -> R
             if matches!(error, PrivateError::Failed { .. }) { Exit::Failed } else { Exit::Refused };
         Failure::from_error(exit, "no program was started", &error).hint(error.hint())
     })?;
-    if !view.lacking().is_empty() {
-        let names = view.lacking().join(", ");
+    if !view.lacking.is_empty() {
+        let names = view.lacking.join(", ");
         log::warn!("{names}: found by PATH alone, since nothing can be laid over /usr/bin here");
     }
     let flags = stop_flags()?;

@@ -124,7 +124,9 @@ pub(super) struct PrivateView {
     /// The brick's screen and the view's; none where the board has none.
     screens: Option<[File; 2]>,
     shown: Vec<u8>,
-    lacking: Vec<&'static str>,
+    /// Stand-ins that are found by `PATH` alone, because nothing can be put into the machine's
+    /// programs.
+    pub(super) lacking: Vec<&'static str>,
 }
 
 /// A file or folder of the machine, kept while something else is put over its path.
@@ -232,12 +234,6 @@ impl PrivateView {
         .map_err(failed("put the brick's files into /dev"))?;
         view.lacking = stand_ins(program).map_err(failed("make the stand-ins"))?;
         Ok(view)
-    }
-
-    /// Stand-ins that are found by `PATH` alone, because nothing can be put into the machine's
-    /// programs.
-    pub(super) fn lacking(&self) -> &[&'static str] {
-        &self.lacking
     }
 
     /// Variables that who is started in the view gets: where the stand-ins are, and what python

@@ -104,7 +104,7 @@ impl<M: SensorMode> TypedSensor<M> {
         words: &'static [&'static str],
     ) -> Result<M, DeviceError> {
         self.mode.filter(|mode| usable.contains(mode)).ok_or_else(|| {
-            self.sensor.node().refusal("mode", &self.sensor.mode().name, Legal::Words(words))
+            self.sensor.node.refusal("mode", &self.sensor.mode().name, Legal::Words(words))
         })
     }
 

@@ -6,7 +6,8 @@ use std::process::Command;
 /// A host, and a port where one is named.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(in crate::link) struct Address {
-    host: String,
+    /// The name or number, without brackets.
+    pub(in crate::link) host: String,
     port: u16,
 }
 
@@ -23,11 +24,6 @@ impl Address {
         let (host, port) = port.map_or((text, usual_port), |port| (host, port));
         let bare = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
         Self { host: bare.to_owned(), port }
-    }
-
-    /// The name or number, without brackets.
-    pub(in crate::link) fn host(&self) -> &str {
-        &self.host
     }
 
     /// What [`Address::parse`] takes for the same host at another port, or at the usual one.

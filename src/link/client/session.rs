@@ -43,7 +43,7 @@ const WORTH_A_WORD_NS: i64 = 2 * SECOND_NS;
 /// A line to one brick.
 pub(in crate::link) struct Session {
     context: zmq::Context,
-    written: String,
+    pub(super) written: String,
     address: Address,
     key: PublicKey,
     own: KeyPair,
@@ -111,10 +111,6 @@ impl Session {
 
     pub(super) fn set_patience(&mut self, patience: Patience) {
         self.patience = patience;
-    }
-
-    pub(super) fn address(&self) -> &str {
-        &self.written
     }
 
     pub(super) fn now_ns(&self) -> i64 {

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use super::{KeyError, PublicKey, make_folder, open};
 use crate::document::Document;
-use crate::document::save::write_private;
+use crate::document::save::{Readers, write};
 use crate::protocol::Name;
 
 /// The folder of keys that may ask this machine.
@@ -66,7 +66,8 @@ impl Authorised {
         let name = Name::new(name)?;
         make_folder(&self.folder)?;
         let path = self.path(key);
-        write_private(&path, &format!("name = \"{name}\"\nkey = \"{key}\"\n"))?;
+        let text = format!("name = \"{name}\"\nkey = \"{key}\"\n");
+        write(&path, text.as_bytes(), Readers::Owner)?;
         Ok(path)
     }
 

@@ -15,7 +15,7 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use super::{KeyError, PublicKey, make_folder};
-use crate::document::save::{quoted, write_private};
+use crate::document::save::{Readers, quoted, write};
 use crate::document::{Document, Item, Section};
 use crate::link::client::Address;
 use crate::printable::line;
@@ -36,7 +36,7 @@ impl KnownBrick {
     /// Its address without the link's port: for other programs that go there.
     #[must_use]
     pub fn host(&self) -> String {
-        Address::parse(&self.address, 0).host().to_owned()
+        Address::parse(&self.address, 0).host
     }
 }
 
@@ -135,7 +135,7 @@ impl KnownBricks {
         let (name, address, key) = (quoted(&brick.name), quoted(&brick.address), brick.key);
         text.push_str(&format!("\n[{name}]\naddress = {address}\nkey = \"{key}\"\n"));
         let fresh = Self::parse(now.path, text.as_bytes())?;
-        write_private(&fresh.path, &text)?;
+        write(&fresh.path, text.as_bytes(), Readers::Owner)?;
         *self = fresh;
         Ok(())
     }

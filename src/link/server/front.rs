@@ -56,7 +56,7 @@ impl<'s> Front<'s> {
         let workers = Workers::start(context, &operations)?;
         let endpoint = endpoint(&config.listens.address, config.listens.port);
         let router = Router::open(context, &own, zap::REQUESTS, &endpoint)?;
-        shared.port.store(router.port(), Ordering::Relaxed);
+        shared.port.store(router.port, Ordering::Relaxed);
         log::info!("the link listens at {endpoint} with the key {}", own.public().fingerprint());
         shared.set(LinkState::Ready { fingerprint: own.public().fingerprint() });
         Ok(Self {
@@ -188,7 +188,7 @@ impl<'s> Front<'s> {
             let endpoint = endpoint(address, *pairing_port);
             match Router::open(&self.context, &pairing::well_known(), zap::PAIRING, &endpoint) {
                 Ok(router) => {
-                    self.shared.pairing_port.store(router.port(), Ordering::Relaxed);
+                    self.shared.pairing_port.store(router.port, Ordering::Relaxed);
                     self.pairing = Some(router);
                 }
                 Err(error) => window.close(&error.to_string()),

@@ -50,7 +50,8 @@ pub(super) struct Router {
     socket: zmq::Socket,
     monitor: Monitor,
     limits: Limits,
-    port: u16,
+    /// The port that it listens at.
+    pub(super) port: u16,
     /// When it is counted next what has come.
     count_at_ns: i64,
 }
@@ -73,11 +74,6 @@ impl Router {
         let port = bound.rsplit_once(':').and_then(|(_, port)| port.parse().ok()).unwrap_or(0);
         let now_ns = MonotonicClock.now_ns();
         Ok(Self { socket, monitor, limits: Limits::new(now_ns), port, count_at_ns: now_ns })
-    }
-
-    /// The port that it listens at.
-    pub(super) fn port(&self) -> u16 {
-        self.port
     }
 
     /// For `zmq::poll`: requests, and what the monitor tells.
@@ -105,7 +101,7 @@ impl Router {
 
     fn accepted(&mut self, descriptor: RawFd) {
         let held = Held::of(descriptor, self.port);
-        let peer = held.as_ref().map_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED), Held::peer);
+        let peer = held.as_ref().map_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED), |held| held.peer);
         if let Err(why) = self.limits.accepted(descriptor, peer, MonotonicClock.now_ns()) {
             log::debug!("the link: {peer} is shut out: {why:?}");
             held.iter().for_each(Held::shut);
@@ -128,7 +124,7 @@ impl Router {
             if let Some(held) = Held::of(descriptor, self.port) {
                 log::warn!(
                     "the link: {} sends much and asks nothing; the connection is shut",
-                    held.peer()
+                    held.peer
                 );
                 held.shut();
             }

@@ -1,7 +1,7 @@
 //! The store's files.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, Read, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use nix::fcntl::{Flock, FlockArg};
@@ -9,6 +9,7 @@ use nix::sys::statvfs::{FsFlags, statvfs};
 use nix::unistd::{AccessFlags, access};
 
 use super::{Record, StoreError};
+use crate::document::read_bounded;
 use crate::protocol::RunId;
 use crate::recording::free_bytes;
 
@@ -23,9 +24,6 @@ const LOCK: &str = "service.lock";
 
 /// How many of the deleted runs are remembered: the file is read at each start.
 const REMEMBERED: usize = 10_000;
-
-/// No `run.json` is longer.
-const LONGEST_RECORD: u64 = 64 << 10;
 
 /// Makes the folder and takes its lock.
 pub(super) fn keep(folder: &Path) -> Result<Flock<File>, StoreError> {
@@ -103,15 +101,8 @@ pub(in crate::service) fn replace_file(path: &Path, bytes: &[u8], synced: bool) 
 /// Reads a run's record.
 pub(super) fn read(folder: &Path) -> Result<Record, StoreError> {
     let path = folder.join(RECORD);
-    let bytes = read_small(&path).map_err(failed("read", &path))?;
+    let bytes = read_bounded(&path).map_err(failed("read", &path))?;
     serde_json::from_slice(&bytes).map_err(|error| failed("understand", &path)(error.into()))
-}
-
-/// Reads a small file, as much of it as may be.
-pub(in crate::service) fn read_small(path: &Path) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    File::open(path)?.take(LONGEST_RECORD).read_to_end(&mut bytes)?;
-    Ok(bytes)
 }
 
 /// The folders that could be runs.

@@ -22,7 +22,8 @@ pub(crate) struct SimFile {
     simulation: Simulation,
     robot: usize,
     access: Access,
-    kind: Kind,
+    /// What it is.
+    pub(crate) kind: Kind,
 }
 
 /// What is open.
@@ -127,11 +128,6 @@ impl SimFile {
         };
         drop(state);
         Ok(Self { simulation: simulation.clone(), robot, access, kind })
-    }
-
-    /// What it is.
-    pub(crate) fn kind(&self) -> &Kind {
-        &self.kind
     }
 
     /// The buttons that are down.

@@ -27,7 +27,7 @@ const SMALL_BYTES: usize = 8;
 ///
 /// ENOTTY for any other, and for what is no input device; ENOENT for an unknown name.
 pub(super) fn ioctl(file: &SimFile, command: u32, room: usize) -> Result<(i32, Vec<u8>), Errno> {
-    let device = match file.kind() {
+    let device = match &file.kind {
         Kind::Events { device, .. } if (command >> 8) & 0xff == TYPE => *device,
         _ => return Err(Errno::ENOTTY),
     };

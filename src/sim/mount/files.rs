@@ -159,7 +159,7 @@ impl Files {
         let file = brick.open_file(&place.path, access, self.layout)?;
         // Each read and write comes here as it is; a writer that waits holds up no other.
         let direct = FopenFlags::FOPEN_DIRECT_IO | FopenFlags::FOPEN_NOFLUSH;
-        let flags = match file.kind() {
+        let flags = match &file.kind {
             // With the kernel's pages under it, so that it can be mapped, and with a last write
             // when it is closed.
             Kind::Screen => FopenFlags::empty(),

@@ -54,7 +54,7 @@ impl Handle {
         };
         match file.read_at(place(read.offset), read.room, bytes) {
             Ok(part) => reply.data(part),
-            Err(Errno::EAGAIN) if read.blocks && matches!(file.kind(), Kind::Events { .. }) => {
+            Err(Errno::EAGAIN) if read.blocks && matches!(file.kind, Kind::Events { .. }) => {
                 readers.push(Reader { reply, room: read.room, thread: read.thread });
                 return true;
             }

@@ -120,7 +120,7 @@ impl<'d> Reader<'_, 'd, '_> {
 
     /// Warns of a speed beyond what the robot's wheels may do: it would drive more slowly.
     fn is_within_reach(&self, item: &Item<'d>, forward_mps: &Expression, turn_dps: &Expression) {
-        let Some(limits) = self.vocabulary.capabilities().limits else { return };
+        let Some(limits) = self.vocabulary.capabilities.limits else { return };
         let Some((forward, turn)) = forward_mps.always().zip(turn_dps.always()) else { return };
         let wheel_m_s = forward.abs() + radians(turn.abs()) * limits.half_track_m;
         if wheel_m_s > limits.max_m_s {
@@ -135,7 +135,7 @@ impl<'d> Reader<'_, 'd, '_> {
 
     /// The same for speeds of the wheels themselves.
     fn wheels_are_within_reach(&self, wheels: [(&Item<'d>, &Expression); 2]) {
-        let Some(limits) = self.vocabulary.capabilities().limits else { return };
+        let Some(limits) = self.vocabulary.capabilities.limits else { return };
         let max_dps = limits.max_wheel_rad_s.to_degrees();
         let known = wheels.map(|(_, speed)| speed.always());
         let fastest = wheels.iter().zip(known).filter_map(|((item, _), dps)| Some((item, dps?)));
@@ -158,10 +158,10 @@ impl<'d> Reader<'_, 'd, '_> {
 
     /// Warns of a place that the head does not turn to: it stops before it.
     fn head_is_within_reach(&self, item: &Item<'d>, head_deg: &Expression) {
-        let Some(limits) = self.vocabulary.capabilities().limits else { return };
+        let Some(limits) = self.vocabulary.capabilities.limits else { return };
         let most_deg = limits.head_rad.to_degrees();
         // A robot without a head has a finding of its own.
-        let has_head = self.vocabulary.capabilities().has(Role::Head);
+        let has_head = self.vocabulary.capabilities.has(Role::Head);
         let beyond = |deg: f64| deg.abs() > most_deg * (1.0 + 1e-9);
         if has_head && head_deg.always().is_some_and(beyond) {
             item.warning("the robot's head does not turn that far (`limit_deg`)".to_owned())
@@ -211,7 +211,7 @@ impl<'d> Reader<'_, 'd, '_> {
         moves: &mut Moves,
     ) -> bool {
         self.moves(Role::Range, over_map, &mut Moves::new());
-        let moves_head = self.vocabulary.capabilities().has(Role::Head);
+        let moves_head = self.vocabulary.capabilities.has(Role::Head);
         if moves_head {
             self.moves(Role::Head, item, moves);
             if let Some(head) = table.get("head_deg") {
@@ -314,7 +314,7 @@ impl<'d> Reader<'_, 'd, '_> {
         let sensed =
             QUANTITIES.iter().filter(|quantity| quantity.role == role && role != Role::Wheels);
         self.uses.extend(sensed.map(|quantity| (quantity.channel, item.key_place())));
-        if !self.vocabulary.capabilities().has(role) && self.absent.insert(role.what()) {
+        if !self.vocabulary.capabilities.has(role) && self.absent.insert(role.what()) {
             let (mistake, hint) = Mistake::no_part(item.key(), role);
             item.error_at_key(mistake.to_string()).hint(hint);
         }

@@ -20,7 +20,7 @@ use crate::cli::Failure;
 use crate::cli::common::{load_mission, load_robot, load_world, read_own};
 use crate::cli::run::page::watched;
 use crate::clock::{MILLISECOND_NS, wall_ns};
-use crate::document::save;
+use crate::document::save::{self, Readers};
 use crate::printable::with_causes;
 use crate::protocol::{MAX_MISSION_BYTES, Name};
 use crate::report::live::{Board, Sources, Wish};
@@ -112,7 +112,7 @@ impl Missions {
         let folder = file.parent().unwrap_or(&self.folder);
         std::fs::create_dir_all(folder)
             .map_err(|error| format!("cannot make {}: {error}", folder.display()))?;
-        save::write(file, text.as_bytes()).map_err(|error| with_causes(&error))
+        save::write(file, text.as_bytes(), Readers::AsUsual).map_err(|error| with_causes(&error))
     }
 
     /// A mission with the sub-machines that it uses, which lie beside it.

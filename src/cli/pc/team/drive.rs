@@ -103,7 +103,7 @@ impl Share<'_> {
         let brick = &member.brick;
         let mut came = Came {
             brick: brick.clone(),
-            run: self.watch.run().clone(),
+            run: self.watch.run.clone(),
             file: None,
             whole: false,
             end: None,
@@ -141,18 +141,18 @@ impl Share<'_> {
     fn start(&self) -> Result<(), ClientError> {
         let Self { plan, halt, member, watch } = self;
         let mut client = plan.asking.until(&halt.stop, 0.0).client(&member.brick)?;
-        let (run, chosen) = (watch.run().clone(), plan.wanted.chosen.clone());
+        let (run, chosen) = (watch.run.clone(), plan.wanted.chosen.clone());
         client.start_as(run, chosen, Some(member.pose), plan.set).map(|_| ())
     }
 
     fn file(&self) -> PathBuf {
-        self.plan.out.join(format!("{}.mcap", self.watch.run()))
+        self.plan.out.join(format!("{}.mcap", self.watch.run))
     }
 
     /// Follows the recording to its end; where all are to stop, stops the run and brings home what
     /// there is.
     fn bring(&self, client: &mut Client) -> Result<(), ClientError> {
-        let (run, file) = (self.watch.run(), self.file());
+        let (run, file) = (&self.watch.run, self.file());
         let fetched = client.fetch(run, &file, &mut |_| {});
         if !matches!(fetched, Err(ClientError::Interrupted)) {
             return fetched.map(|_| ());
@@ -176,7 +176,7 @@ impl Share<'_> {
 
     /// What came of it, and what the brick says of its end.
     fn note(&self, came: &mut Came, brought: Result<(), ClientError>) {
-        let run = self.watch.run();
+        let run = &self.watch.run;
         let there = |file: PathBuf| Some(file).filter(|file| file.exists());
         match brought {
             Ok(()) => {
@@ -239,7 +239,7 @@ impl Shown {
         for share in shares {
             output.value(&serde_json::json!({
                 "brick": share.member.brick.name,
-                "run": share.watch.run(),
+                "run": share.watch.run,
                 "how": share.watch.line(),
             }));
         }
