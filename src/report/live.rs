@@ -28,7 +28,7 @@
 mod state;
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 
 use self::state::{Cursor, Phase, Session};
 use super::png_file;
@@ -92,24 +92,24 @@ impl Board {
         if let Some(simulation) = &sources.simulation {
             simulation.watch();
         }
-        let mut session = self.session();
+        let mut session = lock(&self.0);
         let next = session.next(sources);
         *session = next;
     }
 
     /// Shows how the run is going.
     pub fn hear(&self, event: &Event) {
-        self.session().hear(event);
+        lock(&self.0).hear(event);
     }
 
     /// Shows a status that is newer than the recording's.
     pub fn hear_status(&self, status: &Status) {
-        self.session().hear_status(status);
+        lock(&self.0).hear_status(status);
     }
 
     /// Says that no run is in progress, and why.
     pub fn refuse(&self, why: &str) {
-        let session = &mut *self.session();
+        let session = &mut *lock(&self.0);
         session.enter(Phase::Refused, why);
     }
 
@@ -135,25 +135,21 @@ impl Board {
     /// The pace that a person has set last, if the simulation has one.
     #[must_use]
     pub fn pace(&self) -> Option<Option<f64>> {
-        self.session().clock().map(PacedClock::pace)
-    }
-
-    fn session(&self) -> MutexGuard<'_, Session> {
-        lock(&self.0)
+        lock(&self.0).clock().map(PacedClock::pace)
     }
 }
 
 impl Board {
     /// The wishes that can be granted.
     pub(crate) fn grants(&self, granted: &[Wish]) {
-        self.session().granted = granted.to_vec();
+        lock(&self.0).granted = granted.to_vec();
     }
 
     /// What the page's server answers; `grant` is told what a person wants.
     pub(crate) fn answer(&self, asked: Asked<'_>, grant: &impl Fn(Wish)) -> Shown {
         let done = match (asked.path, asked.posted) {
             ("/state", None) => {
-                return Shown::json(self.session().state(Cursor::of(asked.query)));
+                return Shown::json(lock(&self.0).state(Cursor::of(asked.query)));
             }
             ("/screen", None) => {
                 return self.screen(asked.query).map_or(Shown::Nothing, Shown::Png);
@@ -163,7 +159,7 @@ impl Board {
                 return part.map_or(Shown::Nothing, |(_, kind, text)| Shown::file(*kind, text));
             }
             ("/order", Some(text)) => self.order(text),
-            ("/pace", Some(word)) => self.session().set_pace(word),
+            ("/pace", Some(word)) => lock(&self.0).set_pace(word),
             ("/wish", Some(word)) => self.wish(word).map(grant),
             _ => return Shown::Fixed,
         };
@@ -173,18 +169,18 @@ impl Board {
     /// What a small picture of the run has not got since `cursor`, which the last answer brought as
     /// `next`; all of it for any other text.
     pub(crate) fn glimpse(&self, cursor: &str) -> serde_json::Value {
-        self.session().glimpse(Cursor::parse(cursor))
+        lock(&self.0).glimpse(Cursor::parse(cursor))
     }
 
     /// Does what a person orders of the simulation.
     fn order(&self, text: &str) -> Result<(), String> {
-        let simulation = self.session().ordered()?.clone();
+        let simulation = lock(&self.0).ordered()?.clone();
         simulation.control(0, text).map_err(|error| error.to_string())
     }
 
     /// What a person wants, if that can be granted now.
     fn wish(&self, word: &str) -> Result<Wish, String> {
-        let session = self.session();
+        let session = lock(&self.0);
         let wished = session.wishes().find(|wish| wish.word() == word);
         wished.ok_or_else(|| format!("this page cannot do that now: {word}"))
     }
@@ -192,7 +188,7 @@ impl Board {
     /// A robot's screen as a picture.
     fn screen(&self, query: &str) -> Option<Vec<u8>> {
         let robot = query.split('&').find_map(|part| part.strip_prefix("robot="))?;
-        let simulation = self.session().simulation()?.clone();
+        let simulation = lock(&self.0).simulation()?.clone();
         let (width, height, greys) = simulation.screen(robot.parse().ok()?)?;
         png_file([width, height], png::ColorType::Grayscale, &greys).ok()
     }

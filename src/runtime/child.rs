@@ -30,7 +30,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 
 use log::LevelFilter;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
@@ -307,7 +307,7 @@ impl Stopper {
     ///
     /// What writing to its pipe gave, or the kernel has no room for the thread that waits.
     pub fn stop(&self, by: StopBy) -> io::Result<()> {
-        let mut stopping = self.stopping();
+        let mut stopping = lock(&self.inner);
         let Some(pipe) = stopping.orders.as_mut() else { return Ok(()) };
         let asked = pipe.write_all(&json_line(&Order::Stop(by))?);
         if !std::mem::replace(&mut stopping.asked, true) {
@@ -319,7 +319,7 @@ impl Stopper {
 
     fn force_later(&self) {
         MonotonicClock.sleep_ns(PATIENCE_NS);
-        let mut stopping = self.stopping();
+        let mut stopping = lock(&self.inner);
         // While it has not obeyed, it has not been waited for, and its number is its own.
         if !stopping.obeyed && self.process.as_raw() > 0 {
             log::error!("the run did not stop when it was asked to; it is ended by force");
@@ -328,19 +328,15 @@ impl Stopper {
     }
 
     fn obeyed(&self) {
-        self.stopping().obeyed = true;
+        lock(&self.inner).obeyed = true;
     }
 
     fn has_forced(&self) -> bool {
-        self.stopping().forced
+        lock(&self.inner).forced
     }
 
     fn close(&self) {
-        self.stopping().orders.take();
-    }
-
-    fn stopping(&self) -> MutexGuard<'_, Stopping> {
-        lock(&self.inner)
+        lock(&self.inner).orders.take();
     }
 }
 

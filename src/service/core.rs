@@ -2,7 +2,7 @@
 //! hardware.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard};
+use std::sync::{Arc, Condvar, Mutex};
 
 use serde::Serialize;
 
@@ -151,23 +151,23 @@ impl Service {
 
     /// The network's link is there: from now on it tells its own state.
     pub fn attach_link(&self, link: Arc<dyn NetworkLink>) {
-        *self.inner.link() = Link::Up(link);
+        *lock(&self.inner.link) = Link::Up(link);
     }
 
     /// There is no network's link, or not yet: why.
     pub fn no_link(&self, why: &str) {
-        *self.inner.link() = Link::Waits(why.to_owned());
+        *lock(&self.inner.link) = Link::Waits(why.to_owned());
     }
 
     fn status(&self) -> Status {
         let inner = &self.inner;
         let now_ns = MonotonicClock.now_ns();
         let disk = inner.store.disk();
-        let link = match &*inner.link() {
+        let link = match &*lock(&inner.link) {
             Link::Waits(why) => why.clone(),
             Link::Up(link) => link.state(),
         };
-        let now = inner.now();
+        let now = lock(&inner.now);
         let progress = now.machine.run().and_then(|run| run.progress.as_ref());
         let sensed_v = progress.and_then(|progress| progress.battery_v);
         let status = Status {
@@ -216,7 +216,7 @@ impl Service {
 
     fn runs(&self) -> Runs {
         let mut runs = self.inner.store.list();
-        let now = self.inner.now();
+        let now = lock(&self.inner.now);
         if let Some(run) = now.machine.run()
             && let Some(progress) = &run.progress
         {
@@ -232,8 +232,8 @@ impl Service {
     }
 
     fn settings(&self) -> Settings {
-        let kept = self.inner.now().kept.clone();
-        let fingerprint = match &*self.inner.link() {
+        let kept = lock(&self.inner.now).kept.clone();
+        let fingerprint = match &*lock(&self.inner.link) {
             Link::Waits(_) => None,
             Link::Up(link) => link.fingerprint(),
         };
@@ -250,17 +250,17 @@ impl Service {
 
     fn set(&self, change: &SettingsChange) -> Result<Settings, Refusal> {
         let _one_at_a_time = lock(&self.inner.setting);
-        let kept = self.inner.now().kept.changed(change)?;
+        let kept = lock(&self.inner.now).kept.changed(change)?;
         kept.write(&self.inner.config.runs).map_err(|error| {
             let folder = self.inner.config.runs.display();
             Refusal::new(Kind::Failed, format!("cannot keep the settings in {folder}: {error}"))
         })?;
-        self.inner.now().kept = kept;
+        lock(&self.inner.now).kept = kept;
         Ok(self.settings())
     }
 
     fn pairing(&self, ask: impl FnOnce(&dyn NetworkLink) -> Pairing) -> Pairing {
-        let link = match &*self.inner.link() {
+        let link = match &*lock(&self.inner.link) {
             Link::Waits(why) => return Pairing::NoLink { why: why.clone() },
             Link::Up(link) => Arc::clone(link),
         };
@@ -276,7 +276,7 @@ impl Service {
 
     /// Nothing of ours or of others may drive while a person looks or turns motors by hand.
     fn between_runs(&self) -> Result<(), Refusal> {
-        match self.inner.now().machine.run() {
+        match lock(&self.inner.now).machine.run() {
             Some(run) => {
                 Err(Refusal::new(Kind::Busy, format!("the run `{}` has the hardware", run.run)))
             }
@@ -318,7 +318,7 @@ impl Operations for Service {
         match request {
             LocalOnly::Jog { port, percent } => {
                 // A start waits until this turn of the motor is on its way, and then takes it back.
-                let _no_start = self.inner.starting();
+                let _no_start = lock(&self.inner.starting);
                 self.between_runs()?;
                 self.inner.hardware.jog(port, *percent, now_ns)?;
                 answer(&Done {})
@@ -348,22 +348,10 @@ impl Operations for Service {
 }
 
 impl Inner {
-    pub(super) fn now(&self) -> MutexGuard<'_, Now> {
-        lock(&self.now)
-    }
-
-    pub(super) fn starting(&self) -> MutexGuard<'_, ()> {
-        lock(&self.starting)
-    }
-
     /// Something happens now.
     pub(super) fn happen(&self, happening: Happening) {
-        self.now().machine.happen(MonotonicClock.now_ns(), happening);
+        lock(&self.now).machine.happen(MonotonicClock.now_ns(), happening);
         self.changed.notify_all();
-    }
-
-    fn link(&self) -> MutexGuard<'_, Link> {
-        lock(&self.link)
     }
 }
 

@@ -13,6 +13,7 @@ use crate::printable::with_causes;
 use crate::protocol::{LastStop, RunId, RunStatus};
 use crate::recording;
 use crate::runtime::{Ended, Event, RunError, RunProcess, Stop, StopReason};
+use crate::threads::lock;
 use crate::threads::spawn;
 
 /// How often a run that was found is looked at, nanoseconds: nothing tells us when it ends.
@@ -41,7 +42,7 @@ impl Service {
         for record in self.inner.store.open_ended() {
             let file = self.inner.store.recording(&record.run);
             match recording::writer(&file) {
-                Ok(Some(pid)) if self.inner.now().machine.run().is_none() => {
+                Ok(Some(pid)) if lock(&self.inner.now).machine.run().is_none() => {
                     log::info!(
                         "run {} of an earlier service is still in progress, process {pid}",
                         record.run
@@ -53,7 +54,7 @@ impl Service {
         }
         // The newest run, where it is over and where it was cut.
         if let Some(last) = self.inner.store.last_end().or(found) {
-            self.inner.now().machine.recall(last);
+            lock(&self.inner.now).machine.recall(last);
         }
         Ok(())
     }
@@ -70,7 +71,7 @@ impl Service {
             progress: None,
         };
         {
-            let mut now = inner.now();
+            let mut now = lock(&inner.now);
             // Nothing else runs: that was looked at before.
             let _ = now.machine.start(MonotonicClock.now_ns(), run);
             now.stop = Some(StopHandle::Found {
@@ -91,7 +92,7 @@ impl Service {
                 MonotonicClock.sleep_ns(LOOK_NS);
             }
             let end = service.note_found_end(&record, &file);
-            service.inner.now().stop = None;
+            lock(&service.inner.now).stop = None;
             service.inner.happen(Happening::MotorsTold { stopped: end.is_wanted() });
             service.inner.happen(Happening::Ended(end));
         })?;
@@ -151,15 +152,18 @@ impl Service {
                 inner.store.end(run, Some(last.clone()), None, None);
             }
         }
-        inner.now().stop = None;
+        lock(&inner.now).stop = None;
         inner.happen(Happening::Ended(last));
     }
 
     /// How a run ended, with who asked for it.
     fn ended(&self, run: &RunId, mission: &str, stop: Stop) -> LastStop {
         let asked = matches!(stop.reason, StopReason::Remote | StopReason::Here);
-        let by =
-            self.inner.now().stopped_by.as_ref().filter(|_| asked).map(|(_, asker)| asker.clone());
+        let by = lock(&self.inner.now)
+            .stopped_by
+            .as_ref()
+            .filter(|_| asked)
+            .map(|(_, asker)| asker.clone());
         LastStop { by, ..LastStop::new(Some(run.clone()), mission, stop) }
     }
 }

@@ -14,6 +14,7 @@ use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree;
 use crate::protocol::LastStop;
 use crate::runtime::StopReason;
+use crate::threads::lock;
 use crate::threads::spawn;
 
 /// The pace, nanoseconds: half a pulse of the lights is twice as long.
@@ -83,7 +84,7 @@ impl Keeper {
         let shown = {
             // A service whose state cannot be had any more stops here, and with it the watchdog's
             // signs of life.
-            let now = self.inner.now();
+            let now = lock(&self.inner.now);
             Shown {
                 state: now.machine.state(),
                 lights: now.kept.lights,
@@ -117,7 +118,7 @@ impl Keeper {
             log::warn!("{finding}");
         }
         self.clock = clock;
-        let mut now = inner.now();
+        let mut now = lock(&inner.now);
         now.robot = robot;
         now.machine.happen(MonotonicClock.now_ns(), Happening::Trouble(found));
     }
@@ -128,12 +129,12 @@ impl Keeper {
         let path: &Path = &self.inner.config.robot;
         let bytes = missions::read(path).ok();
         if self.robot == bytes && bytes.is_some() {
-            return self.inner.now().robot.clone();
+            return lock(&self.inner.now).robot.clone();
         }
         self.robot = bytes;
         let robot = missions::robot(path);
         if let Ok((_, robot)) = &robot {
-            self.inner.now().battery = robot.battery;
+            lock(&self.inner.now).battery = robot.battery;
         }
         robot.err()
     }
@@ -155,7 +156,7 @@ fn watched() {
 fn hash(inner: &Inner) {
     loop {
         while inner.store.hash_one() {}
-        let now = inner.now();
+        let now = lock(&inner.now);
         // Woken or not: it looks again. A poisoned lock is no reason to stop.
         drop(inner.changed.wait_timeout(now, HASHER_PATIENCE));
     }

@@ -25,6 +25,7 @@ use crate::runtime::{
     HardwareLock, Job, LockError, OrphansError, PATIENCE_NS, RunProcess, StopBy, StopReason,
     Stopper, evict, stop_orphans,
 };
+use crate::threads::lock;
 use crate::threads::spawn;
 use crate::units::radians;
 
@@ -97,7 +98,7 @@ impl Service {
     ) -> Result<Started, Refusal> {
         let inner = &self.inner;
         let mut asked_ns = MonotonicClock.now_ns();
-        let _one_at_a_time = inner.starting();
+        let _one_at_a_time = lock(&inner.starting);
         if inner.store.knows(&start.run) {
             return Ok(Started { run: start.run.clone(), repeated: true });
         }
@@ -129,7 +130,7 @@ impl Service {
         if let Err(why) = self.launch(&job, &run) {
             let refused = StopReason::Refused.with(why.clone());
             let last = LastStop::new(Some(start.run.clone()), &run.mission, refused);
-            inner.now().stop = None;
+            lock(&inner.now).stop = None;
             inner.happen(Happening::Ended(last));
             inner.store.take_back(&start.run);
             return Err(Refusal::new(Kind::Failed, why));
@@ -139,7 +140,7 @@ impl Service {
 
     /// The state takes the run, unless a stop has come since it was asked for.
     fn enter(&self, run: &RunStatus, mission: &Mission, asked_ns: i64) -> Result<(), Refusal> {
-        let mut now = self.inner.now();
+        let mut now = lock(&self.inner.now);
         if now.stop_ns.is_some_and(|stop_ns| stop_ns >= asked_ns) {
             let message = "a stop has come since the start was asked for";
             return Err(Refusal::new(Kind::Stopped, message)
@@ -156,7 +157,7 @@ impl Service {
     fn launch(&self, job: &Job, run: &RunStatus) -> Result<(), String> {
         let process =
             RunProcess::start(&self.inner.program, job).map_err(|error| with_causes(&error))?;
-        let mut now = self.inner.now();
+        let mut now = lock(&self.inner.now);
         let stop = Stop::Ours(process.stopper());
         if let Some((by, _)) = now.stopped_by {
             // A stop came before the process was there.
@@ -176,7 +177,7 @@ impl Service {
         asker: &str,
     ) -> Result<Stopped, Refusal> {
         let inner = &self.inner;
-        let mut now = inner.now();
+        let mut now = lock(&inner.now);
         if run.is_none() {
             now.stop_ns = Some(MonotonicClock.now_ns());
         }
@@ -227,12 +228,12 @@ impl Service {
     /// for, as long as its recording takes.
     pub fn close(&self) {
         let inner = &self.inner;
-        inner.now().closing = true;
+        lock(&inner.now).closing = true;
         inner.hardware.let_go();
         if let Err(error) = self.stop(None, StopBy::Terminal, "the service's own end") {
             log::warn!("{error}");
         }
-        let is_idle = || inner.now().machine.run().is_none();
+        let is_idle = || lock(&inner.now).machine.run().is_none();
         MonotonicClock.wait_for(20 * SECOND_NS, 20 * MILLISECOND_NS, &is_idle);
         inner.store.save();
     }
@@ -241,7 +242,7 @@ impl Service {
     pub(super) fn identify(&self) -> Done {
         let inner = &self.inner;
         log::info!("asked which brick this is: {}", inner.name);
-        let idle = inner.now().machine.run().is_none();
+        let idle = lock(&inner.now).machine.run().is_none();
         if inner.hardware.machine().is_some()
             && let Some(tree) = inner.hardware.tree(MonotonicClock.now_ns())
         {
@@ -254,7 +255,7 @@ impl Service {
     }
 
     fn may_start(&self) -> Result<(), Refusal> {
-        let now = self.inner.now();
+        let now = lock(&self.inner.now);
         if now.closing {
             return Err(Refusal::new(Kind::NotReady, "the service is about to end"));
         }
@@ -289,7 +290,7 @@ impl Service {
             })?;
         }
         if let Some(limit_s) =
-            inner.now().kept.time_limit_s.filter(|limit_s| *limit_s < mission.time_limit_s())
+            lock(&inner.now).kept.time_limit_s.filter(|limit_s| *limit_s < mission.time_limit_s())
         {
             set.push((Mission::TIME_LIMIT.to_owned(), limit_s));
             mission

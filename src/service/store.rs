@@ -33,7 +33,7 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard};
+use std::sync::Mutex;
 
 use nix::fcntl::Flock;
 
@@ -179,7 +179,7 @@ impl Store {
 
     /// True for a run that is or once was here.
     pub(super) fn knows(&self, run: &RunId) -> bool {
-        let index = self.index();
+        let index = lock(&self.index);
         index.deleted.contains(run) || index.find(run).is_some()
     }
 
@@ -202,7 +202,7 @@ impl Store {
             files::keep(&self.folder)?;
         }
         self.make_room(RESERVE_BYTES)?;
-        let mut index = self.index();
+        let mut index = lock(&self.index);
         let record = Record { number: index.next, ..record };
         let folder = self.folder_of(&record.run);
         files::make_folder(&folder)?;
@@ -220,7 +220,7 @@ impl Store {
 
     /// A run that did not start leaves no folder; its identifier is remembered.
     pub(super) fn take_back(&self, run: &RunId) {
-        self.index().going_on = None;
+        lock(&self.index).going_on = None;
         if let Err(error) = self.delete(run) {
             log::warn!("{error}");
         }
@@ -228,7 +228,7 @@ impl Store {
 
     /// A run that an earlier service began is still going on.
     pub(super) fn goes_on(&self, run: &RunId) {
-        self.index().going_on = Some(run.clone());
+        lock(&self.index).going_on = Some(run.clone());
     }
 
     /// A run is over: notes how it ended. A disk that does not take it is tried again by
@@ -241,7 +241,7 @@ impl Store {
         points: Option<u64>,
     ) {
         let bytes = files::length(&self.recording(run));
-        let mut index = self.index();
+        let mut index = lock(&self.index);
         if index.is_going_on(run) {
             index.going_on = None;
         }
@@ -257,8 +257,7 @@ impl Store {
     /// Writes what the disk did not take before.
     pub(super) fn save(&self) {
         let _one_at_a_time = lock(&self.saving);
-        let unsaved: Vec<Record> = self
-            .index()
+        let unsaved: Vec<Record> = lock(&self.index)
             .runs
             .values()
             .filter(|entry| !entry.saved)
@@ -267,7 +266,7 @@ impl Store {
         for record in unsaved {
             match files::write(&self.folder_of(&record.run), &record, true) {
                 Ok(()) => {
-                    let mut index = self.index();
+                    let mut index = lock(&self.index);
                     // It may have changed again meanwhile.
                     if let Some(entry) =
                         index.find_mut(&record.run).filter(|entry| entry.record == record)
@@ -282,7 +281,7 @@ impl Store {
 
     /// The runs, newest first.
     pub(super) fn list(&self) -> Vec<RunInfo> {
-        let index = self.index();
+        let index = lock(&self.index);
         let info = |entry: &Entry| {
             let is_going_on = index.is_going_on(&entry.record.run);
             let bytes = if is_going_on {
@@ -297,14 +296,14 @@ impl Store {
 
     /// Runs without an end that are not known to be in progress: an earlier service died over them.
     pub(super) fn open_ended(&self) -> Vec<Record> {
-        let index = self.index();
+        let index = lock(&self.index);
         let records = index.over().map(|entry| &entry.record);
         records.filter(|record| record.end.is_none()).cloned().collect()
     }
 
     /// How the newest run ended, where it did.
     pub(super) fn last_end(&self) -> Option<LastStop> {
-        self.index().runs.values().next_back().and_then(|entry| entry.record.end.clone())
+        lock(&self.index).runs.values().next_back().and_then(|entry| entry.record.end.clone())
     }
 
     /// A part of a recording, and what is known of the whole.
@@ -314,7 +313,7 @@ impl Store {
     /// [`StoreError::Unknown`], [`StoreError::BeyondEnd`], [`StoreError::Disk`].
     pub(super) fn fetch(&self, fetch: &Fetch) -> Result<(Fetched, Vec<u8>), StoreError> {
         let (complete, sha256) = {
-            let index = self.index();
+            let index = lock(&self.index);
             let entry =
                 index.find(&fetch.run).ok_or_else(|| StoreError::Unknown(fetch.run.clone()))?;
             (!index.is_going_on(&fetch.run), entry.record.sha256.clone())
@@ -355,7 +354,7 @@ impl Store {
     ///
     /// [`StoreError::Unknown`], [`StoreError::GoingOn`], [`StoreError::Disk`].
     pub(super) fn delete(&self, run: &RunId) -> Result<(), StoreError> {
-        let mut index = self.index();
+        let mut index = lock(&self.index);
         if index.is_going_on(run) {
             return Err(StoreError::GoingOn(run.clone()));
         }
@@ -372,7 +371,7 @@ impl Store {
     /// was.
     pub(super) fn hash_one(&self) -> bool {
         let unhashed = {
-            let index = self.index();
+            let index = lock(&self.index);
             // The newest is what a client waits for.
             let newest = index.over().rev().find(|entry| entry.record.sha256.is_none());
             newest.map(|entry| entry.record.run.clone())
@@ -411,7 +410,7 @@ impl Store {
 
     fn change(&self, run: &RunId, change: impl FnOnce(&mut Record)) {
         let changed = {
-            let mut index = self.index();
+            let mut index = lock(&self.index);
             let Some(entry) = index.find_mut(run) else { return };
             let before = entry.record.clone();
             change(&mut entry.record);
@@ -421,10 +420,6 @@ impl Store {
         if changed {
             self.save();
         }
-    }
-
-    fn index(&self) -> MutexGuard<'_, Index> {
-        lock(&self.index)
     }
 }
 

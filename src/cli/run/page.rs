@@ -8,7 +8,7 @@
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, mpsc};
+use std::sync::{Arc, Mutex, mpsc};
 
 use super::super::common::Progress;
 use super::super::folder::next_to;
@@ -225,18 +225,14 @@ impl Hand {
     fn grant(&self, wish: Wish) {
         self.again.store(wish == Wish::Again, Ordering::Relaxed);
         self.flags.raise(StopBy::Page);
-        if let Some(stopper) = &*self.stopper() {
+        if let Some(stopper) = &*lock(&self.stopper) {
             // A run that is gone needs no telling.
             let _ = stopper.stop(StopBy::Page);
         }
     }
 
     fn hold(&self, stopper: Stopper) {
-        *self.stopper() = Some(stopper);
-    }
-
-    fn stopper(&self) -> MutexGuard<'_, Option<Stopper>> {
-        lock(&self.stopper)
+        *lock(&self.stopper) = Some(stopper);
     }
 
     /// Ctrl-C.

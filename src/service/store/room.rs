@@ -2,11 +2,12 @@
 
 use super::{RESERVE_BYTES, Store, StoreError, files};
 use crate::protocol::RunId;
+use crate::threads::lock;
 
 impl Store {
     /// Bytes of all recordings.
     pub(super) fn used(&self) -> u64 {
-        let index = self.index();
+        let index = lock(&self.index);
         index.runs.values().map(|entry| entry.bytes).fold(0, u64::saturating_add)
     }
 
@@ -35,10 +36,10 @@ impl Store {
 
     /// The run that is going on has grown: older ones make room for it. Called now and then.
     pub(in crate::service) fn grow(&self) {
-        let run = self.index().going_on.clone();
+        let run = lock(&self.index).going_on.clone();
         let Some(run) = run else { return };
         let bytes = files::length(&self.recording(&run));
-        if let Some(entry) = self.index().find_mut(&run) {
+        if let Some(entry) = lock(&self.index).find_mut(&run) {
             entry.bytes = bytes;
         }
         // What nothing can be done about shows when the recorder meets it.
@@ -50,7 +51,7 @@ impl Store {
     /// Whether there is room, or would be once all has gone that may go.
     pub(super) fn could_have_room(&self) -> Result<(), StoreError> {
         let free = files::free(&self.folder);
-        let index = self.index();
+        let index = lock(&self.index);
         let could_be = index.over().map(|entry| entry.bytes).fold(free, u64::saturating_add);
         let needed = if index.going_on.is_some() { RESERVE_BYTES / 4 } else { RESERVE_BYTES };
         if could_be >= needed {
@@ -62,7 +63,7 @@ impl Store {
 
     /// The oldest that was fetched, else the oldest.
     fn next_to_go(&self) -> Option<RunId> {
-        let index = self.index();
+        let index = lock(&self.index);
         let fetched = index.over().find(|entry| entry.record.fetched);
         fetched.or_else(|| index.over().next()).map(|entry| entry.record.run.clone())
     }

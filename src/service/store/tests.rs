@@ -188,7 +188,7 @@ fn what_several_threads_note_of_a_run_is_all_on_the_disk() {
     for at in 0..50 {
         let name = format!("run-{at}");
         std::fs::write(store.begin(Record::new(id(&name), "m", 60.0, "pc")).unwrap(), [7]).unwrap();
-        store.index().going_on = None;
+        lock(&store.index).going_on = None;
         let ready = std::sync::Barrier::new(3);
         std::thread::scope(|scope| {
             let first_all = |note: fn(&Store, &RunId)| {
@@ -207,6 +207,6 @@ fn what_several_threads_note_of_a_run_is_all_on_the_disk() {
             first_all(|store, run| store.note_fetched(run));
         });
         let saved = files::read(&store.folder_of(&id(&name))).unwrap();
-        assert_eq!(&saved, &store.index().find(&id(&name)).unwrap().record, "after {at} runs");
+        assert_eq!(&saved, &lock(&store.index).find(&id(&name)).unwrap().record, "after {at} runs");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use fuser::{FileAttr, FileType, FopenFlags, INodeNo, OpenAccMode, OpenFlags};
@@ -34,7 +34,7 @@ const UNKNOWN: u64 = 0xffff_ffff;
 #[derive(Debug)]
 pub(super) struct Files {
     bricks: Vec<Arc<SimBrick>>,
-    nodes: Mutex<Nodes>,
+    pub(super) nodes: Mutex<Nodes>,
     pub(super) open: Arc<Open>,
     layout: EventLayout,
     mounted: WallTime,
@@ -48,14 +48,9 @@ impl Files {
         Self { bricks, nodes, open, layout, mounted: wall_time(), rights: Mutex::default() }
     }
 
-    /// The numbers that the kernel knows.
-    pub(super) fn nodes(&self) -> MutexGuard<'_, Nodes> {
-        lock(&self.nodes)
-    }
-
     /// The place with a number.
     pub(super) fn place(&self, node: INodeNo) -> Result<NodePath, Errno> {
-        self.nodes().place(node.0).cloned().ok_or(Errno::ENOENT)
+        lock(&self.nodes).place(node.0).cloned().ok_or(Errno::ENOENT)
     }
 
     /// A robot's brick.
@@ -69,7 +64,7 @@ impl Files {
             Some(robot) => self.brick(robot)?.entry(&place.path)?,
             None => Entry::folder(""),
         };
-        if let Some(rights) = self.rights().get(place) {
+        if let Some(rights) = lock(&self.rights).get(place) {
             entry.permissions = *rights;
         }
         Ok(entry)
@@ -78,12 +73,8 @@ impl Files {
     /// Notes the rights that root has set.
     pub(super) fn set_rights(&self, node: INodeNo, mode: u32) {
         if let Ok(place) = self.place(node) {
-            self.rights().insert(place, mode & 0o7777);
+            lock(&self.rights).insert(place, mode & 0o7777);
         }
-    }
-
-    fn rights(&self) -> MutexGuard<'_, BTreeMap<NodePath, u32>> {
-        lock(&self.rights)
     }
 
     /// The place of an entry of a folder.
@@ -130,7 +121,7 @@ impl Files {
                 (1..=self.bricks.len()).map(|number| Entry::folder(&number.to_string())).collect()
             }
         };
-        let nodes = self.nodes();
+        let nodes = lock(&self.nodes);
         let mut listed = vec![
             Listed { number: node.0, kind: FileType::Directory, name: ".".to_owned() },
             Listed { number: ROOT, kind: FileType::Directory, name: "..".to_owned() },
@@ -180,7 +171,7 @@ impl Files {
         let place = self.inside(&self.place(parent)?, name)?;
         let entry = self.entry(&place)?;
         let ttl = lifetime(&place, &entry);
-        let number = self.nodes().look_up(place);
+        let number = lock(&self.nodes).look_up(place);
         Ok((self.attributes(number, &entry), ttl))
     }
 

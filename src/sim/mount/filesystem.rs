@@ -16,6 +16,7 @@ use super::handle::{Handle, Read};
 use crate::clock::WallTime;
 use crate::sim::files::Write;
 use crate::threads;
+use crate::threads::lock;
 
 /// Questions that always have the same answer, each with the types of what it brings.
 macro_rules! always {
@@ -43,7 +44,7 @@ impl Filesystem for Files {
     }
 
     fn forget(&self, _request: &Request, node: INodeNo, lookups: u64) {
-        self.nodes().forget(node.0, lookups);
+        lock(&self.nodes).forget(node.0, lookups);
     }
 
     fn getattr(

@@ -2,7 +2,7 @@
 //! for.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Mutex, MutexGuard};
+use std::sync::Mutex;
 
 use nix::errno::Errno;
 
@@ -23,7 +23,7 @@ struct Table {
 impl Open {
     /// Keeps a file; returns its number.
     pub(super) fn insert(&self, handle: Handle) -> u64 {
-        let mut table = self.table();
+        let mut table = lock(&self.0);
         table.last += 1;
         let number = table.last;
         table.handles.insert(number, handle);
@@ -32,7 +32,7 @@ impl Open {
 
     /// A file was closed for the last time.
     pub(super) fn remove(&self, number: u64) {
-        let mut table = self.table();
+        let mut table = lock(&self.0);
         table.handles.remove(&number);
         table.watched.remove(&number);
     }
@@ -47,18 +47,18 @@ impl Open {
         number: u64,
         act: impl FnOnce(&mut Handle) -> Result<R, Errno>,
     ) -> Result<R, Errno> {
-        act(self.table().handles.get_mut(&number).ok_or(Errno::EBADF)?)
+        act(lock(&self.0).handles.get_mut(&number).ok_or(Errno::EBADF)?)
     }
 
     /// From now on [`Open::wake`] looks at a file.
     pub(super) fn watch(&self, number: u64) {
-        self.table().watched.insert(number);
+        lock(&self.0).watched.insert(number);
     }
 
     /// Wakes those who wait, where there is something; `interrupts` says whether to look for
     /// interrupted ones too.
     pub(super) fn wake(&self, interrupts: bool) {
-        let mut table = self.table();
+        let mut table = lock(&self.0);
         let Table { handles, watched, .. } = &mut *table;
         watched
             .retain(|number| handles.get_mut(number).is_some_and(|handle| handle.wake(interrupts)));
@@ -66,10 +66,6 @@ impl Open {
 
     /// Sends all readers away who wait.
     pub(super) fn release_readers(&self) {
-        self.table().handles.values_mut().for_each(Handle::release_readers);
-    }
-
-    fn table(&self) -> MutexGuard<'_, Table> {
-        lock(&self.0)
+        lock(&self.0).handles.values_mut().for_each(Handle::release_readers);
     }
 }

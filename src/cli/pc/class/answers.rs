@@ -30,6 +30,7 @@ use crate::protocol::{Name, RunId, RunInfo};
 use crate::report::live::Wish;
 use crate::report::plot;
 use crate::sim::World;
+use crate::threads::lock;
 use crate::threads::spawn;
 
 /// What the page is made of.
@@ -250,13 +251,13 @@ fn rename(hall: &Hall, OfBrick { brick, run, to }: &OfBrick) -> Result<(), Strin
 /// What a brick's ports read, which is asked for once more.
 fn ports(brick: &Brick) -> Value {
     brick.wanted.ports.store(true, Ordering::Relaxed);
-    json!(brick.seen().ports)
+    json!(lock(&brick.seen).ports)
 }
 
 /// The runs that a brick has, which are asked for once more, and the recordings that are here.
 fn runs(brick: &Brick) -> Value {
     brick.wanted.runs.store(true, Ordering::Relaxed);
-    let seen = brick.seen();
+    let seen = lock(&brick.seen);
     let there = |info: &RunInfo| json!({ "info": info, "arrival": seen.brought.get(&info.run) });
     let entries = std::fs::read_dir(&brick.folder).into_iter().flatten().flatten();
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
@@ -280,7 +281,7 @@ fn team_map(hall: &Hall) -> Result<Shown, String> {
     let mut runs = Vec::new();
     for number in hall.together.members() {
         let brick = hall.brick(number)?;
-        let Some(run) = brick.seen().started.clone() else { continue };
+        let Some(run) = lock(&brick.seen).started.clone() else { continue };
         let file = brick.folder.join(format!("{run}.mcap"));
         let found = if file.exists() { open_run(&file) } else { read_run(&part_of(&file)) };
         runs.extend(found);

@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::bring::{Bringing, Brought};
@@ -117,7 +117,7 @@ pub(super) struct Brick {
     halt: Arc<AtomicBool>,
     orders: Sender<Order>,
     pub(super) wanted: Wanted,
-    seen: Mutex<Seen>,
+    pub(super) seen: Mutex<Seen>,
     pub(super) board: Board,
 }
 
@@ -141,13 +141,9 @@ impl Brick {
         });
         let worker = Arc::clone(&brick);
         if let Err(error) = spawn("brick", move || worker.work(&ordered)) {
-            brick.seen().trouble = Some(format!("no thread for it: {error}"));
+            lock(&brick.seen).trouble = Some(format!("no thread for it: {error}"));
         }
         brick
-    }
-
-    pub(super) fn seen(&self) -> MutexGuard<'_, Seen> {
-        lock(&self.seen)
     }
 
     /// Has the brick's thread do something, one after the other.
@@ -160,7 +156,7 @@ impl Brick {
     pub(super) fn stop(&self) {
         let asked_ns = MonotonicClock.now_ns();
         if !self.halt.swap(true, Ordering::Relaxed) {
-            let mut seen = self.seen();
+            let mut seen = lock(&self.seen);
             (seen.stopping, seen.said) = (Some(Stopping { asked_ns, ..Stopping::default() }), None);
         }
         self.order(Order::Wake);
@@ -185,7 +181,7 @@ impl Brick {
         let mut client = match self.client() {
             Ok(client) => client,
             Err(error) => {
-                self.seen().trouble = Some(self.told(&error));
+                lock(&self.seen).trouble = Some(self.told(&error));
                 return;
             }
         };
@@ -196,7 +192,7 @@ impl Brick {
                 // What was wanted before the stop is not done after it.
                 let dropped = orders.try_iter().filter(|order| matches!(order, Order::Start(_)));
                 if dropped.count() > 0 {
-                    self.seen().said = Some(Said::not_done());
+                    lock(&self.seen).said = Some(Said::not_done());
                 }
                 next_ns = 0;
             }
@@ -241,7 +237,7 @@ impl Brick {
             ClientError::NoAnswer { silence, .. } => silence.to_string(),
             error => self.told(error),
         };
-        let mut seen = self.seen();
+        let mut seen = lock(&self.seen);
         seen.silent_ns.get_or_insert(asked_ns);
         seen.trouble = Some(trouble);
     }
@@ -250,17 +246,17 @@ impl Brick {
     fn ask_wanted(&self, client: &mut Client) {
         if self.wanted.runs.swap(false, Ordering::Relaxed) {
             let runs = client.runs();
-            self.seen().runs = runs.ok().map(|runs| runs.runs);
+            lock(&self.seen).runs = runs.ok().map(|runs| runs.runs);
         }
         if self.wanted.ports.swap(false, Ordering::Relaxed) {
             let live = client.live();
-            self.seen().ports = live.ok().map(|live| live.devices);
+            lock(&self.seen).ports = live.ok().map(|live| live.devices);
         }
     }
 
     fn heard(self: &Arc<Self>, status: Status) -> i64 {
         let is_going = matches!(status.state, State::Preparing | State::Running | State::Stopping);
-        let mut seen = self.seen();
+        let mut seen = lock(&self.seen);
         (seen.silent_ns, seen.trouble) = (None, None);
         if let Some(stopping) = &mut seen.stopping
             && stopping.told_ns.is_some()
@@ -306,7 +302,7 @@ impl Brick {
                 _ => break (stopped, now_ns),
             }
         };
-        let mut seen = self.seen();
+        let mut seen = lock(&self.seen);
         let stopping = seen.stopping.get_or_insert_default();
         match stopped {
             Ok(Stopped { run, stopped }) if run.is_none() || stopped => {
@@ -334,18 +330,18 @@ impl Brick {
             Err(ClientError::Interrupted) => Said::not_done(),
             Err(error) => Said { text: self.told(&error), is_good: false },
         };
-        self.seen().said = Some(said);
+        lock(&self.seen).said = Some(said);
     }
 
     fn begin(&self, client: &mut Client, start: Start) -> Result<String, ClientError> {
         let Start { name, text, pose } = start;
         let run = new_run_id(&name)?;
         {
-            let mut seen = self.seen();
+            let mut seen = lock(&self.seen);
             (seen.stopping, seen.started) = (None, None);
         }
         client.start_as(run.clone(), Chosen::Text(text), pose, &[])?;
-        self.seen().started = Some(run);
+        lock(&self.seen).started = Some(run);
         Ok(format!("started {name}"))
     }
 }

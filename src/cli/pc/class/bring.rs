@@ -14,6 +14,7 @@ use crate::link::client::file_so_far;
 use crate::link::{ClientError, FetchProgress, Patience};
 use crate::protocol::{Kind, RunId};
 use crate::report::live::Sources;
+use crate::threads::lock;
 use crate::threads::spawn;
 
 /// How long a brick may be away before a fetch is tried from scratch, seconds.
@@ -61,7 +62,7 @@ impl Bringing {
             self.brick.board.show(Sources { title, recording, ..Sources::default() });
         }
         {
-            let mut seen = self.brick.seen();
+            let mut seen = lock(&self.brick.seen);
             let is_gone = |arrival: &Arrival| {
                 arrival.failed.is_some() || arrival.is_whole && !self.file.exists()
             };
@@ -73,12 +74,12 @@ impl Bringing {
         let (brick, run) = (Arc::clone(&self.brick), self.run.clone());
         if let Err(error) = spawn("fetch", move || self.bring()) {
             let failed = Some(format!("no thread for it: {error}"));
-            brick.seen().brought.insert(run, Arrival { failed, ..Arrival::default() });
+            lock(&brick.seen).brought.insert(run, Arrival { failed, ..Arrival::default() });
         }
     }
 
     fn note(&self, change: impl FnOnce(&mut Arrival)) {
-        change(self.brick.seen().brought.entry(self.run.clone()).or_default());
+        change(lock(&self.brick.seen).brought.entry(self.run.clone()).or_default());
     }
 
     fn bring(self) {

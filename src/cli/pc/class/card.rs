@@ -6,11 +6,12 @@ use super::brick::{Brick, Said, Seen, Stopping};
 use crate::cli::pc::status::{battery, going};
 use crate::clock::seconds;
 use crate::protocol::{State, Status};
+use crate::threads::lock;
 
 /// What one brick's card shows. The page orders cards by `wrong`: 2 is wrong, 1 worth a look, 0 in
 /// order.
 pub(super) fn card(brick: &Brick, now_ns: i64) -> Value {
-    let seen = brick.seen();
+    let seen = lock(&brick.seen);
     let since_s = |ns: i64| seconds(now_ns.saturating_sub(ns).max(0));
     let status = seen.status.as_ref();
     let silent_s = seen.silent_ns.map(since_s);

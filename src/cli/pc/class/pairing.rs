@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use serde::Serialize;
@@ -73,21 +73,13 @@ pub(super) struct Pairing {
 }
 
 impl Pairing {
-    fn heard(&self) -> MutexGuard<'_, Vec<Announced>> {
-        lock(&self.heard)
-    }
-
-    fn talk(&self) -> MutexGuard<'_, Option<Talk>> {
-        lock(&self.talk)
-    }
-
     /// Listens for announcements until the page ends.
     pub(super) fn listen(&self, over: &AtomicBool) {
         let mut has_said = false;
         let is_over = || over.load(Ordering::Relaxed);
         while !is_over() {
             match discover(LISTEN_S, over) {
-                Ok(heard) => *self.heard() = heard,
+                Ok(heard) => *lock(&self.heard) = heard,
                 Err(error) if !has_said => {
                     has_said = true;
                     log::warn!("{}: a brick's address still finds it", with_causes(&error));
@@ -100,7 +92,7 @@ impl Pairing {
 
     /// Who makes itself known and is not known here.
     pub(super) fn strangers(&self, is_known: impl Fn(&str) -> bool) -> Value {
-        let heard = self.heard();
+        let heard = lock(&self.heard);
         let strangers = heard.iter().filter_map(|brick| {
             let numbers: Vec<String> = brick.addresses.iter().map(ToString::to_string).collect();
             let known = [&brick.name, &brick.host].into_iter().chain(&numbers);
@@ -114,12 +106,12 @@ impl Pairing {
 
     /// How far the introduction is.
     pub(super) fn state(&self) -> Value {
-        json!(&*self.talk())
+        json!(&*lock(&self.talk))
     }
 
     /// What the person at the page says of the code.
     pub(super) fn answer(&self, same: bool) -> Result<(), String> {
-        let talk = self.talk();
+        let talk = lock(&self.talk);
         let talk = talk.as_ref().filter(|talk| matches!(talk.stage, Stage::Compare { .. }));
         let talk = talk.ok_or("there is no code to compare")?;
         talk.answers.send(same).map_err(|_| "the introduction is over".to_owned())
@@ -127,7 +119,7 @@ impl Pairing {
 
     /// Takes what came of an introduction off the page.
     pub(super) fn close(&self) -> Result<(), String> {
-        let mut talk = self.talk();
+        let mut talk = lock(&self.talk);
         match talk.as_ref().map(|talk| &talk.stage) {
             None | Some(Stage::Done { .. } | Stage::Failed { .. }) => {
                 *talk = None;
@@ -138,7 +130,7 @@ impl Pairing {
     }
 
     fn enter(&self, stage: Stage) {
-        if let Some(talk) = &mut *self.talk() {
+        if let Some(talk) = &mut *lock(&self.talk) {
             talk.stage = stage;
         }
     }
@@ -155,7 +147,7 @@ impl Pairing {
     ) -> Option<KnownBrick> {
         let (answers, answered) = channel();
         {
-            let mut talk = self.talk();
+            let mut talk = lock(&self.talk);
             let is_under_way = talk.as_ref().is_some_and(|talk| {
                 !matches!(talk.stage, Stage::Done { .. } | Stage::Failed { .. })
             });

@@ -85,7 +85,7 @@ fn problems(bricks: &[Arc<Brick>], members: &[Member]) -> Vec<String> {
     }
     let mut versions: BTreeMap<String, Vec<&str>> = BTreeMap::new();
     for brick in bricks {
-        let (seen, name) = (brick.seen(), &brick.known.name);
+        let (seen, name) = (lock(&brick.seen), &brick.known.name);
         match &seen.status {
             Some(status) if seen.silent_ns.is_none() => {
                 versions.entry(status.version.clone()).or_default().push(name);
