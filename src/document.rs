@@ -153,11 +153,7 @@ pub struct Section<'d> {
     path: String,
 }
 
-impl fmt::Debug for Section<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Section").field("path", &self.path).finish_non_exhaustive()
-    }
-}
+crate::printable::debug_by!(Section<'_>, path);
 
 impl<'d> Section<'d> {
     /// Says which keys there may be: every other key becomes a finding with the nearest of them.
@@ -268,11 +264,7 @@ pub struct Item<'d> {
     path: String,
 }
 
-impl fmt::Debug for Item<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Item").field("path", &self.path).finish_non_exhaustive()
-    }
-}
+crate::printable::debug_by!(Item<'_>, path);
 
 impl<'d> Item<'d> {
     /// The key under which the value stands; for an element of an array, the array's key.

@@ -135,11 +135,7 @@ pub struct LocalPage {
     threads: Vec<JoinHandle<()>>,
 }
 
-impl std::fmt::Debug for LocalPage {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("LocalPage").field("url", &self.url).finish_non_exhaustive()
-    }
-}
+crate::printable::debug_by!(LocalPage, url);
 
 /// As many requests are answered at a time, so that one that takes its time, such as a picture,
 /// holds up no other.

@@ -177,6 +177,19 @@ pub fn with_causes(error: &dyn std::error::Error) -> String {
     text
 }
 
+/// `Debug` for a type by one of its fields: the others are secret, or nothing to be shown.
+macro_rules! debug_by {
+    ($what:ident $(<$life:lifetime>)?, $field:ident) => {
+        impl std::fmt::Debug for $what $(<$life>)? {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                let mut shown = f.debug_struct(stringify!($what));
+                shown.field(stringify!($field), &self.$field).finish_non_exhaustive()
+            }
+        }
+    };
+}
+pub(crate) use debug_by;
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -121,11 +121,7 @@ pub struct KeyPair {
     secret: [u8; 32],
 }
 
-impl fmt::Debug for KeyPair {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("KeyPair").field("public", &self.public).finish_non_exhaustive()
-    }
-}
+crate::printable::debug_by!(KeyPair, public);
 
 /// A file of keys cannot be used.
 #[derive(Debug, thiserror::Error)]

@@ -88,11 +88,7 @@ pub struct Parts<'p> {
     pub stop: &'p AtomicBool,
 }
 
-impl std::fmt::Debug for Parts<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Parts").field("clock", &self.clock).finish_non_exhaustive()
-    }
-}
+crate::printable::debug_by!(Parts<'_>, clock);
 
 /// Shows the menu until a signal or the keys end it.
 ///

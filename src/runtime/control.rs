@@ -182,11 +182,7 @@ pub struct Control<'r> {
     pub tally: Tally,
 }
 
-impl fmt::Debug for Control<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Control").field("tally", &self.tally).finish_non_exhaustive()
-    }
-}
+crate::printable::debug_by!(Control<'_>, tally);
 
 /// How often a mission tells by one means at most, nanoseconds: people need no more.
 const TOLD_NS: i64 = 200_000_000;

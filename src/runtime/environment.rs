@@ -1,6 +1,5 @@
 //! Where a run happens: on a brick, on a mounted one, in a simulation.
 
-use std::fmt;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
@@ -77,11 +76,7 @@ impl Environment {
     }
 }
 
-impl fmt::Debug for Environment {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Environment").field("pace", &self.pace).finish_non_exhaustive()
-    }
-}
+crate::printable::debug_by!(Environment, pace);
 
 /// Looks with each beat whether a simulated robot is still on the floor. A real one that falls has
 /// ended its run.

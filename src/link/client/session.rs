@@ -62,11 +62,7 @@ pub(in crate::link) struct Session {
     has_said: bool,
 }
 
-impl std::fmt::Debug for Session {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Session").field("address", &self.written).finish_non_exhaustive()
-    }
-}
+crate::printable::debug_by!(Session, written);
 
 /// An answer with the bytes beside it, or why there is none.
 pub(in crate::link) type Answered = Result<(Value, Option<Vec<u8>>), ClientError>;
