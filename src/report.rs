@@ -168,13 +168,6 @@ impl Track {
     }
 }
 
-/// A rectangle in the world, metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Bounds {
-    low: [f64; 2],
-    high: [f64; 2],
-}
-
 impl Scene {
     /// True where a picture has nothing but its axes.
     #[must_use]
@@ -273,31 +266,16 @@ impl Scene {
     }
 
     /// The least rectangle around everything; a metre around the origin where there is nothing.
-    fn bounds(&self) -> Bounds {
+    fn bounds(&self) -> [[f64; 2]; 2] {
         let paths = self.tracks.iter().flat_map(|track| track.path.iter().map(PathPoint::place));
         let points =
             self.tracks.iter().flat_map(|track| track.points.iter().map(|p| [p.x_m, p.y_m]));
         let walls = self.outlines.iter().chain(&self.edges).flatten().copied();
         let marks = self.marks.iter().flat_map(|mark| mark.points.iter().copied());
         let truth = self.tracks.iter().flat_map(|track| track.truth.iter().copied());
-        let mut bounds = Bounds { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
-        for place in paths
-            .chain(points)
-            .chain(walls)
-            .chain(marks)
-            .chain(truth)
-            .filter(|[x_m, y_m]| is_near(*x_m, *y_m))
-        {
-            for (axis, value) in place.into_iter().enumerate() {
-                bounds.low[axis] = bounds.low[axis].min(value);
-                bounds.high[axis] = bounds.high[axis].max(value);
-            }
-        }
-        if bounds.low[0] > bounds.high[0] {
-            Bounds { low: [-0.5; 2], high: [0.5; 2] }
-        } else {
-            bounds
-        }
+        let places = paths.chain(points).chain(walls).chain(marks).chain(truth);
+        let [low, high] = crate::units::bounds(places.filter(|[x_m, y_m]| is_near(*x_m, *y_m)));
+        if low[0] > high[0] { [[-0.5; 2], [0.5; 2]] } else { [low, high] }
     }
 
     /// Seconds from the start to the last thing that happened.
@@ -430,7 +408,7 @@ mod tests {
     #[test]
     fn nothing_to_draw_is_a_metre_around_the_origin() {
         let scene = Scene { outlines: vec![vec![[f64::NAN, 0.0]]], ..Scene::default() };
-        assert_eq!(scene.bounds(), Bounds { low: [-0.5; 2], high: [0.5; 2] });
+        assert_eq!(scene.bounds(), [[-0.5; 2], [0.5; 2]]);
         assert!(scene.duration_s().abs() < 1e-12);
     }
 }

@@ -195,62 +195,47 @@ impl Role {
     pub const SENSORS: [Self; 5] =
         [Self::Range, Self::Gyro, Self::Touch, Self::Colour, Self::Remote];
 
+    /// Its section in the robot's file, what messages call it, what a sensor of this role does, and
+    /// the port that examples give it.
+    const fn texts(self) -> [&'static str; 4] {
+        match self {
+            Self::Brick => ["battery", "the brick", "", "in1"],
+            Self::Wheels => ["drive", "two wheels", "", "in1"],
+            Self::Head => ["head", "a head", "", "in1"],
+            Self::Range => ["range", "a range sensor", "measures the range", "in1"],
+            Self::Gyro => ["gyro", "a gyro sensor", "measures the heading", "in4"],
+            Self::Touch => ["touch", "a touch sensor", "is the bumper", "in2"],
+            Self::Colour => ["colour", "a colour sensor", "looks at the floor", "in3"],
+            Self::Remote => {
+                ["remote", "an infrared sensor for the remote", "hears the remote control", "in1"]
+            }
+            Self::Motor(_) => ["motor.NAME", "a named motor", "", "in1"],
+            Self::Sensor(_) => ["sensor.NAME", "a named sensor", "", "in1"],
+        }
+    }
+
     /// Its section in the robot's file.
     #[must_use]
     pub const fn section(self) -> &'static str {
-        match self {
-            Self::Brick => "battery",
-            Self::Wheels => "drive",
-            Self::Head => "head",
-            Self::Range => "range",
-            Self::Gyro => "gyro",
-            Self::Touch => "touch",
-            Self::Colour => "colour",
-            Self::Remote => "remote",
-            Self::Motor(_) => "motor.NAME",
-            Self::Sensor(_) => "sensor.NAME",
-        }
+        self.texts()[0]
     }
 
     /// What messages call it.
     #[must_use]
     pub const fn what(self) -> &'static str {
-        match self {
-            Self::Brick => "the brick",
-            Self::Wheels => "two wheels",
-            Self::Head => "a head",
-            Self::Range => "a range sensor",
-            Self::Gyro => "a gyro sensor",
-            Self::Touch => "a touch sensor",
-            Self::Colour => "a colour sensor",
-            Self::Remote => "an infrared sensor for the remote",
-            Self::Motor(_) => "a named motor",
-            Self::Sensor(_) => "a named sensor",
-        }
+        self.texts()[1]
     }
 
     /// What a sensor of this role does, as a question about it says.
     #[must_use]
     pub const fn purpose(self) -> &'static str {
-        match self {
-            Self::Range => "measures the range",
-            Self::Gyro => "measures the heading",
-            Self::Touch => "is the bumper",
-            Self::Colour => "looks at the floor",
-            Self::Remote => "hears the remote control",
-            _ => "",
-        }
+        self.texts()[2]
     }
 
     /// The port that examples in a robot's file give it.
     #[must_use]
     pub const fn example_port(self) -> &'static str {
-        match self {
-            Self::Gyro => "in4",
-            Self::Touch => "in2",
-            Self::Colour => "in3",
-            _ => "in1",
-        }
+        self.texts()[3]
     }
 
     /// Its quantities.

@@ -81,6 +81,17 @@ pub fn within(number: f64, low: f64, high: f64) -> f64 {
     number.max(low).min(high)
 }
 
+/// The lower left and the upper right corner of the least rectangle around places; from infinity to
+/// minus infinity where there are none.
+#[must_use]
+pub fn bounds(places: impl IntoIterator<Item = [f64; 2]>) -> [[f64; 2]; 2] {
+    let nothing = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+    places.into_iter().fold(nothing, |[low, high], place| {
+        let least = [low[0].min(place[0]), low[1].min(place[1])];
+        [least, [high[0].max(place[0]), high[1].max(place[1])]]
+    })
+}
+
 /// The nearest whole number. What is too large for one stays at its end; what is not a number is 0.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates")]

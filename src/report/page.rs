@@ -33,11 +33,11 @@ fn data(scene: &Scene) -> Value {
         .iter()
         .flat_map(|track| track.warnings.iter().map(|warning| format!("{}: {warning}", track.name)))
         .collect();
-    let bounds = scene.bounds();
+    let [low, high] = scene.bounds();
     json!({
         "single": is_single(scene),
-        "low": bounds.low,
-        "high": bounds.high,
+        "low": low,
+        "high": high,
         "duration": rounded_to(scene.duration_s(), 1e3),
         "floor": scene.marks.iter().map(floor_mark).collect::<Vec<_>>(),
         "outlines": outlines(&scene.outlines),

@@ -76,14 +76,12 @@ struct Layout {
 impl Layout {
     fn of(scene: &Scene) -> Self {
         const LEAST_SPAN_M: f64 = 0.4;
-        let bounds = scene.bounds();
-        let span =
-            [0, 1].map(|axis| 1.08 * (bounds.high[axis] - bounds.low[axis]).max(LEAST_SPAN_M));
+        let [low, high] = scene.bounds();
+        let span = [0, 1].map(|axis| 1.08 * (high[axis] - low[axis]).max(LEAST_SPAN_M));
         let width = WIDTH - LEFT - RIGHT;
         let plot = [width, (width * span[1] / span[0]).clamp(260.0, 860.0)];
         let scale = (plot[0] / span[0]).min(plot[1] / span[1]);
-        let low =
-            [0, 1].map(|axis| (bounds.low[axis] + bounds.high[axis] - plot[axis] / scale) / 2.0);
+        let low = [0, 1].map(|axis| (low[axis] + high[axis] - plot[axis] / scale) / 2.0);
         let rows = if is_single(scene) { 1.0 } else { 1.0 + rows_of_names(scene) };
         Self { low, scale, plot, height: TOP + plot[1] + AXIS + rows * ROW + 10.0 }
     }

@@ -19,7 +19,7 @@ use crate::document::Findings;
 use crate::mapping::{MapPoint, OccupancyGrid, Pose};
 use crate::robot::RobotConfig;
 use crate::senses::Senses;
-use crate::units::counted;
+use crate::units::{bounds, counted};
 
 use super::pilot::{Pilot, PilotError, Step};
 use crate::recording::{Checkpoint, Grid, Info, RecordError, Run};
@@ -214,13 +214,8 @@ impl<'r> Again<'r> {
 /// [`ReplayError`].
 pub fn whole_map(run: &Run) -> Result<Grid, ReplayError> {
     let start = run.info.as_ref().map(|info| info.start_pose).unwrap_or_default();
-    let places =
-        || run.poses.iter().map(|pose| pose.pose).chain([start]).map(|pose| [pose.x_m, pose.y_m]);
-    let (mut low_m, mut high_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for [x_m, y_m] in places() {
-        low_m = [low_m[0].min(x_m), low_m[1].min(y_m)];
-        high_m = [high_m[0].max(x_m), high_m[1].max(y_m)];
-    }
+    let poses = run.poses.iter().map(|pose| pose.pose).chain([start]);
+    let [low_m, high_m] = bounds(poses.map(|pose| [pose.x_m, pose.y_m]));
     let usual = OccupancyGrid::around(&start);
     let whole = OccupancyGrid::covering(low_m, high_m).ok_or(ReplayError::TooWide)?;
     let is_usual = usual.has(&whole);

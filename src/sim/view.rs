@@ -24,7 +24,7 @@ use super::simulation::Simulation;
 use super::world::World;
 use super::world_physics::WorldPhysics;
 use crate::clock::seconds;
-use crate::units::{degrees, wrap_rad};
+use crate::units::{bounds, degrees, wrap_rad};
 
 /// A simulation at one moment.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -187,26 +187,20 @@ impl Room {
         }));
         let places =
             world.outlines().iter().flatten().chain(floor.iter().flat_map(|paint| &paint.points));
-        let (low, high) = bounds(places.copied(), MARGIN_M);
+        let places = widened(places.copied(), MARGIN_M);
+        let reach = if places.clone().next().is_none() { EMPTY_M } else { 0.2 };
         let starts = world.starts().iter().map(|start| [start.x_m, start.y_m]);
-        let reach = if low[0] > high[0] { EMPTY_M } else { 0.2 };
-        let (low, high) = joined((low, high), bounds(starts, reach));
+        let [low, high] = bounds(places.chain(widened(starts, reach)));
         Self { name: world.name().to_owned(), low, high, walls: world.outlines().to_vec(), floor }
     }
 }
 
-type Bounds = ([f64; 2], [f64; 2]);
-
-fn bounds(places: impl Iterator<Item = [f64; 2]>, margin_m: f64) -> Bounds {
-    places.fold(([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]), |bounds, [x, y]| {
-        joined(bounds, ([x - margin_m, y - margin_m], [x + margin_m, y + margin_m]))
-    })
-}
-
-fn joined((low, high): Bounds, (other_low, other_high): Bounds) -> Bounds {
-    let [x, y] = low;
-    let [to_x, to_y] = high;
-    ([x.min(other_low[0]), y.min(other_low[1])], [to_x.max(other_high[0]), to_y.max(other_high[1])])
+/// Places with a margin around each, as two corners.
+fn widened(
+    places: impl Iterator<Item = [f64; 2]> + Clone,
+    margin_m: f64,
+) -> impl Iterator<Item = [f64; 2]> + Clone {
+    places.flat_map(move |place| [-margin_m, margin_m].map(|by_m| place.map(|at_m| at_m + by_m)))
 }
 
 /// Reflected light as a colour on a screen, by the screen's own curve.

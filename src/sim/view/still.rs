@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::{Mark, MarkKind, Paint, RobotView, Room, View, web_colour};
 use crate::printable::escaped;
 use crate::sim::Simulation;
-use crate::units::{count, radians};
+use crate::units::{bounds, count, radians};
 
 /// Width of the picture, pixels; the height follows the room.
 const WIDTH: f64 = 800.0;
@@ -56,10 +56,8 @@ impl Picture {
     fn new(room: Room, view: View) -> Self {
         let places = view.robots.iter().flat_map(|robot| robot.outline);
         let marks = view.marks.iter().map(|mark| [mark.x_m, mark.y_m]);
-        let (low, high) = super::joined(
-            (room.low, room.high),
-            super::bounds(places.chain(marks), super::MARGIN_M),
-        );
+        let places = super::widened(places.chain(marks), super::MARGIN_M);
+        let [low, high] = bounds([room.low, room.high].into_iter().chain(places));
         let [wide, tall] = [high[0] - low[0], high[1] - low[1]];
         let scale = ((WIDTH - 2.0 * PAD) / wide.max(0.1)).min(TALLEST / tall.max(0.1));
         Self { room, view, low, high, scale, svg: String::new() }
