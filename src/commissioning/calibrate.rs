@@ -77,8 +77,6 @@ pub struct CalibrateOptions {
     /// How often each motion is driven in each direction; by default three times, and twice where a
     /// person measures.
     pub pairs: Option<u32>,
-    /// Whole turns of a spin against the gyro.
-    pub turns: f64,
 }
 
 impl CalibrateOptions {
@@ -90,7 +88,6 @@ impl CalibrateOptions {
         own_echoes: false,
         mark: None,
         pairs: None,
-        turns: 3.0,
     };
 }
 

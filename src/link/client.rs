@@ -37,7 +37,7 @@ use serde::de::DeserializeOwned;
 use super::curve::NoCurve;
 use super::keys::{KeyPair, PublicKey};
 use crate::behavior::{Capabilities, Mission};
-use crate::clock::{SECOND_NS, nanoseconds, wall_ns};
+use crate::clock::{Clock as _, MonotonicClock, SECOND_NS, nanoseconds, wall_ns};
 use crate::protocol::{
     Chosen, Done, Kind, Live, Missions, Refusal, Request, RunId, Runs, Start, Started, Status,
     Stopped,
@@ -234,13 +234,13 @@ impl Client {
     /// The same with another patience.
     #[must_use]
     pub fn with_patience(mut self, patience: Patience) -> Self {
-        self.line.set_patience(patience);
+        self.line.patience = patience;
         self
     }
 
     /// As [`Client::with_patience`], from the next request on.
     pub fn set_patience(&mut self, patience: Patience) {
-        self.line.set_patience(patience);
+        self.line.patience = patience;
     }
 
     /// Takes recordings of at most this many bytes from now on; [`MOST_BYTES`] unless it is said
@@ -313,7 +313,7 @@ impl Client {
             match self.ask(&Request::Start(start.clone())) {
                 // It was under way for too long; the next one has a fresh token.
                 Err(ClientError::Refused(refusal))
-                    if refusal.kind == Kind::StaleToken && self.line.now_ns() < until_ns => {}
+                    if refusal.kind == Kind::StaleToken && MonotonicClock.now_ns() < until_ns => {}
                 answered => return answered,
             }
         }

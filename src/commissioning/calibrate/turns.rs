@@ -18,6 +18,9 @@ const SPIN_RAD_S: f64 = PI / 3.0;
 /// degrees off, which the last step corrects.
 const CREEP_RAD_S: f64 = PI / 15.0;
 
+/// Whole turns of a spin against the gyro.
+const GYRO_TURNS: f64 = 3.0;
+
 /// Whole turns of a spin that a person marks: a degree of the eye is then 0.14 %.
 const MARKED_TURNS: f64 = 2.0;
 
@@ -66,7 +69,7 @@ pub(super) fn track_width(
     let (mut left, mut right) = (Vec::new(), Vec::new());
     for _ in 0..options.pairs.unwrap_or(3) {
         for (way, widths) in [(1.0, &mut left), (-1.0, &mut right)] {
-            let spin = spin_by_gyro(stage, way, options.turns)?;
+            let spin = spin_by_gyro(stage, way)?;
             widths.push(width_m(&spin, circumference_m, spin.gyro_rad()));
         }
     }
@@ -124,9 +127,9 @@ fn width_m(spin: &Spin, circumference_m: f64, turned_rad: f64) -> f64 {
     circumference_m * spin.from.apart_rad(&spin.to) / (2.0 * PI * turned_rad)
 }
 
-fn spin_by_gyro(stage: &mut Stage<'_>, way: f64, turns: f64) -> Result<Spin, CalibrateError> {
+fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<Spin, CalibrateError> {
     let from = stage.rest()?;
-    let wanted_rad = turns * 2.0 * PI;
+    let wanted_rad = GYRO_TURNS * 2.0 * PI;
     let limit = limit(stage, wanted_rad, SPIN_RAD_S);
     let ended = stage.drive(spinning(way * SPIN_RAD_S), limit, |now, _| {
         way * Spin { from, to: *now, way }.gyro_rad() >= wanted_rad

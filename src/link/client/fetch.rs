@@ -134,7 +134,7 @@ fn compare(line: &mut Session, run: &RunId, file: &Path) -> Result<FetchProgress
             Some(_) => return Err(other()),
             None if fetched.total != bytes || !fetched.complete => return Err(other()),
             // The brick computes it.
-            None => nap(line, line.now_ns() + GROWING_NS)?,
+            None => nap(line, MonotonicClock.now_ns() + GROWING_NS)?,
         }
     }
 }
@@ -149,7 +149,7 @@ fn tell(line: &mut Session, run: &RunId, bytes: u64, sha256: String) {
 }
 
 fn nap(line: &mut Session, until_ns: i64) -> Result<(), ClientError> {
-    MonotonicClock.sleep_until_ns(until_ns.min(line.now_ns() + 100 * MILLISECOND_NS));
+    MonotonicClock.sleep_until_ns(until_ns.min(MonotonicClock.now_ns() + 100 * MILLISECOND_NS));
     line.check_patience()
 }
 
@@ -182,7 +182,7 @@ struct Fetching<'l> {
 impl<'l> Fetching<'l> {
     fn new(line: &'l mut Session, run: &'l RunId, part: PartFile, most: u64) -> Self {
         line.begin();
-        let now_ns = line.now_ns();
+        let now_ns = MonotonicClock.now_ns();
         let bytes = part.length;
         Self {
             line,
@@ -211,7 +211,7 @@ impl<'l> Fetching<'l> {
             let until_ns = if self.under_way.is_empty() {
                 self.ask_at_ns
             } else {
-                self.line.now_ns() + PIECE_NS
+                MonotonicClock.now_ns() + PIECE_NS
             };
             if self.under_way.is_empty() {
                 // There is nothing to wait for but time.
@@ -230,8 +230,8 @@ impl<'l> Fetching<'l> {
                     self.again();
                 }
             }
-            if self.line.now_ns() >= self.told_at_ns {
-                self.told_at_ns = self.line.now_ns() + TOLD_NS;
+            if MonotonicClock.now_ns() >= self.told_at_ns {
+                self.told_at_ns = MonotonicClock.now_ns() + TOLD_NS;
                 watch(&self.progress);
             }
         }
@@ -243,7 +243,9 @@ impl<'l> Fetching<'l> {
             let left = self.progress.total.saturating_sub(self.next);
             let is_looking = left == 0;
             // At the end of what is known one piece at a time checks whether there is more.
-            if is_looking && (!self.under_way.is_empty() || self.line.now_ns() < self.ask_at_ns) {
+            if is_looking
+                && (!self.under_way.is_empty() || MonotonicClock.now_ns() < self.ask_at_ns)
+            {
                 return Ok(());
             }
             let piece = u32::try_from(left).unwrap_or(PIECE_BYTES).min(PIECE_BYTES);
@@ -256,7 +258,7 @@ impl<'l> Fetching<'l> {
             }
             self.under_way.push_back((id, self.next));
             if is_looking {
-                self.ask_at_ns = self.line.now_ns() + GROWING_NS;
+                self.ask_at_ns = MonotonicClock.now_ns() + GROWING_NS;
                 return Ok(());
             }
             self.next += u64::from(length);
@@ -268,7 +270,7 @@ impl<'l> Fetching<'l> {
     fn again(&mut self) {
         self.under_way.clear();
         self.next = self.part.length;
-        self.ask_at_ns = self.line.now_ns();
+        self.ask_at_ns = MonotonicClock.now_ns();
     }
 
     fn take(&mut self, id: u64, answer: Answered) -> Result<Option<End>, ClientError> {
@@ -325,7 +327,7 @@ impl<'l> Fetching<'l> {
             self.next = self.part.length;
         }
         if !bytes.is_empty() && self.next == self.part.length {
-            self.ask_at_ns = self.line.now_ns();
+            self.ask_at_ns = MonotonicClock.now_ns();
         }
         Ok(None)
     }

@@ -47,7 +47,7 @@ pub(in crate::link) struct Session {
     address: Address,
     key: PublicKey,
     own: KeyPair,
-    patience: Patience,
+    pub(super) patience: Patience,
     connection: Option<Connection>,
     /// Which of the host's addresses is tried next.
     turn: usize,
@@ -105,17 +105,9 @@ impl Session {
         })
     }
 
-    pub(super) fn set_patience(&mut self, patience: Patience) {
-        self.patience = patience;
-    }
-
-    pub(super) fn now_ns(&self) -> i64 {
-        MonotonicClock.now_ns()
-    }
-
     /// The deadline of a caller that begins to wait now.
     pub(super) fn deadline_ns(&self) -> i64 {
-        self.now_ns().saturating_add(self.patience.most_ns)
+        MonotonicClock.now_ns().saturating_add(self.patience.most_ns)
     }
 
     /// Asks until it is answered or the patience is over.
@@ -127,7 +119,7 @@ impl Session {
             if !self.send(id, request)? {
                 continue;
             }
-            let until_ns = self.now_ns().saturating_add(wait_ns);
+            let until_ns = MonotonicClock.now_ns().saturating_add(wait_ns);
             loop {
                 match self.receive(until_ns)? {
                     Waited::Reply(of, answer) if of == id => return answer,
@@ -146,7 +138,7 @@ impl Session {
 
     /// The patience begins from scratch.
     pub(super) fn begin(&mut self) {
-        self.heard_ns = self.now_ns();
+        self.heard_ns = MonotonicClock.now_ns();
         self.was_there = self.connection.is_some();
         self.has_said = false;
     }
@@ -197,7 +189,7 @@ impl Session {
                 self.pause()?;
                 return Ok(Waited::Broken);
             }
-            let left_ms = until_ns.saturating_sub(self.now_ns()) / MILLISECOND_NS;
+            let left_ms = until_ns.saturating_sub(MonotonicClock.now_ns()) / MILLISECOND_NS;
             if left_ms <= 0 {
                 self.check_patience()?;
                 return Ok(Waited::Nothing);
@@ -334,10 +326,10 @@ impl Session {
     /// Waits a little longer each time.
     fn pause(&mut self) -> Result<(), ClientError> {
         self.backoff_ns = (self.backoff_ns * 2).clamp(FIRST_BACKOFF_NS, LAST_BACKOFF_NS);
-        let until_ns = self.now_ns().saturating_add(self.backoff_ns);
-        while self.now_ns() < until_ns {
+        let until_ns = MonotonicClock.now_ns().saturating_add(self.backoff_ns);
+        while MonotonicClock.now_ns() < until_ns {
             self.check_patience()?;
-            let nap_ns = self.now_ns().saturating_add(NAP_MS * MILLISECOND_NS);
+            let nap_ns = MonotonicClock.now_ns().saturating_add(NAP_MS * MILLISECOND_NS);
             MonotonicClock.sleep_until_ns(nap_ns.min(until_ns));
         }
         Ok(())
@@ -355,7 +347,7 @@ impl Session {
             self.connection = None;
             return Err(ClientError::Interrupted);
         }
-        let waited_ns = self.now_ns().saturating_sub(self.heard_ns);
+        let waited_ns = MonotonicClock.now_ns().saturating_sub(self.heard_ns);
         let most_ns = if self.was_there { self.patience.most_ns } else { self.patience.absent_ns };
         if waited_ns >= most_ns {
             self.connection = None;
