@@ -136,7 +136,6 @@ fn options(arguments: &Arguments) -> CalibrateOptions {
         own_echoes: arguments.only == Some(Only::OwnEchoes),
         mark: (arguments.mark || arguments.no_mark).then_some(arguments.mark),
         pairs: arguments.pairs,
-        ..CalibrateOptions::default()
     }
 }
 

@@ -165,7 +165,7 @@ enum Shape {
     Dot(Circle<(i32, i32), u32>),
     Polygon(Polygon<(i32, i32)>),
     Rectangle(Rectangle<(i32, i32)>),
-    Text(Text<'static, (i32, i32), String>),
+    Text(Box<Text<'static, (i32, i32), String>>),
 }
 
 impl Canvas {
@@ -184,7 +184,7 @@ impl Canvas {
                 Shape::Dot(dot) => area.draw(dot),
                 Shape::Polygon(polygon) => area.draw(polygon),
                 Shape::Rectangle(rectangle) => area.draw(rectangle),
-                Shape::Text(text) => area.draw(text),
+                Shape::Text(text) => area.draw(text.as_ref()),
             };
             drawn.map_err(draw_error)?;
         }
@@ -280,7 +280,7 @@ impl Canvas {
         let mut style = TextStyle::from(self.font(size)).pos(Pos::new(h, v));
         style.color = colour.to_backend_color();
         let text = printable::line(text).into_owned();
-        self.shapes.push(Shape::Text(Text::new(text, place, style)));
+        self.shapes.push(Shape::Text(Box::new(Text::new(text, place, style))));
     }
 
     fn font(&self, size: f64) -> FontDesc<'static> {

@@ -246,14 +246,15 @@ const MOTORS: [(&str, Option<MotorKind>); 6] = [
     ("rcx", Some(MotorKind::Rcx)),
 ];
 
-/// What a world's file says of a robot besides its numbers.
-const OTHERS: [&str; 11] = [
+/// What a world's file says of a robot besides the numbers that come first in its hints.
+const OTHERS: [&str; 12] = [
     "left",
     "right",
     "left_inverted",
     "right_inverted",
     "head",
     "head_gear",
+    "range_ahead_m",
     "colour_at_m",
     "ports",
     "echo",
@@ -275,7 +276,6 @@ impl RobotModel {
             ("mass_kg", &mut model.mass_kg, 0.1, 20.0),
             ("grip_n", &mut model.grip_n, 0.1, 200.0),
             ("caster_drag", &mut model.caster_drag, 0.0, 1.0),
-            ("range_ahead_m", &mut model.range_ahead_m, -1.0, 1.0),
         ];
         section.allow(&[numbers.each_ref().map(|number| number.0).as_slice(), &OTHERS].concat());
         for (key, value, low, high) in numbers {
@@ -290,6 +290,7 @@ impl RobotModel {
         model.drive_inverted = [flag("left_inverted"), flag("right_inverted")];
         model.head = head(section, model.head);
         model.head_ratio = gear.unwrap_or(model.head_ratio);
+        model.range_ahead_m = number(section, "range_ahead_m", -1.0, 1.0, model.range_ahead_m);
         if let Some(places) = section.section("colour_at_m") {
             model.colour_at_m = colour_places(&places, model.colour_at_m);
         }
