@@ -154,8 +154,8 @@ make_package() {
 processor=armv5te pc=''
 while [ $# -gt 0 ]; do
   case $1 in
-    --for) processor=${2:?--for needs a processor} && shift ;;
-    --pc) pc=$(realpath "${2:?--pc needs a file}") && shift ;;
+    --for) value "$@" && processor=$2 && shift ;;
+    --pc) value "$@" && pc=$(realpath "$2") && shift ;;
     -h | --help) usage && exit 0 ;;
     *) usage >&2 && exit 2 ;;
   esac

@@ -44,15 +44,15 @@ while [ $# -gt 0 ]; do
     --exact) exact=yes ;;
     --card) card=yes ;;
     --shell) shell=yes ;;
-    --out) out=${2:?} && shift ;;
-    --add) added+=("${2:?}") && shift ;;
-    --disk) disk=${2:?} && shift ;;
-    --pid) machine_pid=${2:?} && shift ;;
-    --timeout) timeout=${2:?} && shift ;;
-    --onbrick) onbrick=${2:?} && shift ;;
-    --tools) tools=${2:?} && shift ;;
-    --image) image=${2:?} && shift ;;
-    --forward) forward=${2:?} && shift ;;
+    --out) value "$@" && out=$2 && shift ;;
+    --add) value "$@" && added+=("$2") && shift ;;
+    --disk) value "$@" && disk=$2 && shift ;;
+    --pid) value "$@" && machine_pid=$2 && shift ;;
+    --timeout) value "$@" && timeout=$2 && shift ;;
+    --onbrick) value "$@" && onbrick=$2 && shift ;;
+    --tools) value "$@" && tools=$2 && shift ;;
+    --image) value "$@" && image=$2 && shift ;;
+    --forward) value "$@" && forward=$2 && shift ;;
     -h | --help) usage && exit 0 ;;
     -*)
       printf 'error: there is no option %s\n\n' "$1" >&2

@@ -30,16 +30,22 @@ fail() {
   exit 1
 }
 say() { printf 'inject: %s\n' "$*"; }
+# The value of an option: value OPTION [VALUE].
+value() {
+  [ -n "${2-}" ] && return
+  printf 'error: %s needs a value\n\n' "$1" >&2
+  usage >&2 && exit 2
+}
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 image='' out='' name='' wifi='' password='' deb='' keys=()
 while [ $# -gt 0 ]; do
   case $1 in
-    --out) out=${2:?--out needs a file} && shift ;;
-    --name) name=${2:?--name needs a name} && shift ;;
-    --wifi) wifi=${2:?--wifi needs a name} && shift ;;
-    --key) keys+=("${2:?--key needs a key}") && shift ;;
-    --deb) deb=${2:?--deb needs a file} && shift ;;
+    --out) value "$@" && out=$2 && shift ;;
+    --name) value "$@" && name=$2 && shift ;;
+    --wifi) value "$@" && wifi=$2 && shift ;;
+    --key) value "$@" && keys+=("$2") && shift ;;
+    --deb) value "$@" && deb=$2 && shift ;;
     -h | --help) usage && exit 0 ;;
     -*)
       printf 'error: there is no option %s\n\n' "$1" >&2

@@ -29,15 +29,21 @@ fail() {
   exit "${3:-1}"
 }
 say() { printf 'install: %s\n' "$*"; }
+# The value of an option: value OPTION [VALUE].
+value() {
+  [ -n "${2-}" ] && return
+  printf 'error: %s needs a value\n\n' "$1" >&2
+  usage >&2 && exit 2
+}
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 host='' name='' deb='' key=yes onbrick=''
 while [ $# -gt 0 ]; do
   case $1 in
-    --name) name=${2:?--name needs a name} && shift ;;
+    --name) value "$@" && name=$2 && shift ;;
     --no-key) key=no ;;
-    --deb) deb=${2:?--deb needs a file} && shift ;;
-    --onbrick) onbrick=${2:?--onbrick needs a file} && shift ;;
+    --deb) value "$@" && deb=$2 && shift ;;
+    --onbrick) value "$@" && onbrick=$2 && shift ;;
     -h | --help) usage && exit 0 ;;
     -*)
       printf 'error: there is no option %s\n\n' "$1" >&2

@@ -18,6 +18,13 @@ fail() {
   exit 1
 }
 
+# The value of an option: value OPTION [VALUE]; `usage` is the script's.
+value() {
+  [ -n "${2-}" ] && return
+  printf 'error: %s needs a value\n\n' "$1" >&2
+  usage >&2 && exit 2
+}
+
 as_root() { if [ "$(id -u)" = 0 ]; then "$@"; else sudo "$@"; fi; }
 
 # needs COMMAND=PACKAGE…: installs the Debian or Ubuntu packages of the commands that are not there.

@@ -207,6 +207,18 @@ fn every_script_for_people_explains_itself_and_refuses_nonsense() {
         let names_it = said.starts_with("error: there is no option --no-such-option\n");
         assert!(names_it || name == "package.sh", "{name}: {said}");
     }
+    for (name, arguments) in [
+        ("build.sh", &["--for"][..]),
+        ("emulate.sh", &["--out"]),
+        ("inject.sh", &["ev3dev.img", "--key"]),
+        ("install.sh", &["ev3dev.local", "--name"]),
+    ] {
+        let refused = script(name, arguments);
+        let said = String::from_utf8_lossy(&refused.stderr);
+        let option = arguments.last().unwrap();
+        assert!(said.starts_with(&format!("error: {option} needs a value\n\nUsage: ")), "{said}");
+        assert_eq!(refused.status.code(), Some(2), "{name}");
+    }
 }
 
 #[test]
