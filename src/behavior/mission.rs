@@ -106,15 +106,15 @@
 //! # What is checked
 //!
 //! A mission is refused for: unknown keys, names, states and motors; signals and actuators that the
-//! robot does not have; expressions that do not parse or mix numbers with truths; values out of
-//! range; states that cannot be reached or cannot be left, but for a machine's only one;
-//! transitions that can never fire, by themselves or because an earlier one of the same state holds
-//! whenever they do; `done` where nothing ends; two machines that move the same actuator; two modes
-//! asked of one sensor; an `on_stall` state that the machine or sub-machine lacks; a sub-machine
-//! that is missing, or uses itself. It is warned of, and runs, with: a condition that always holds
-//! (unless it is the word `true`); a state from which the final state cannot be reached; a final
-//! state that moves something or has a `next` where the mission ends with it; a sub-machine that no
-//! state uses.
+//! robot does not have; expressions that do not parse or mix numbers with truths; colours and the
+//! remote's buttons compared by size; values out of range; states that cannot be reached or cannot
+//! be left, but for a machine's only one; transitions that can never fire, by themselves or because
+//! an earlier one of the same state holds whenever they do; `done` where nothing ends; two machines
+//! that move the same actuator; two modes asked of one sensor; an `on_stall` state that the machine
+//! or sub-machine lacks; a sub-machine that is missing, or uses itself. It is warned of, and runs,
+//! with: a condition that always holds (unless it is the word `true`); a state from which the final
+//! state cannot be reached; a final state that moves something or has a `next` where the mission
+//! ends with it; a sub-machine that no state uses.
 //!
 //! Whether a transition can fire is judged from comparisons of a multiple of one signal with a
 //! constant, joined by `and`, `or` and `not`, with the numbers that the file gives. What is said is
@@ -166,6 +166,7 @@ pub struct Mission {
     machines: Vec<MachinePlan>,
     tunes: Vec<Tune>,
     motors: Vec<String>,
+    sensors: Vec<String>,
     senses: Vec<Channel>,
 }
 
@@ -399,6 +400,12 @@ impl Mission {
     #[must_use]
     pub fn motors(&self) -> &[String] {
         &self.motors
+    }
+
+    /// The named sensors: all that the robot has, and where it is not known, those that are used.
+    #[must_use]
+    pub fn sensors(&self) -> &[String] {
+        &self.sensors
     }
 
     /// What the mission needs of what the robot senses, head and named motors that it moves among

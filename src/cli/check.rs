@@ -30,6 +30,9 @@ struct Checked<'f> {
     mission: String,
     ok: bool,
     findings: Vec<&'f Finding>,
+    /// The named motors and sensors that a robot for it has, where none was given.
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    needs: &'f [String],
     /// Why the file could not even be read.
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<&'f str>,
@@ -60,13 +63,17 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         broken += usize::from(mission.is_none());
         let is_bare = |finding: &Finding| finding.hint.is_none();
         has_all_hints &= mission.is_some() || !findings.iter().any(is_bare);
+        let needs = mission.as_ref().filter(|_| arguments.robot.is_none()).map(named);
+        let needs = needs.unwrap_or_default();
         let checked = Checked {
             mission: source.name.clone(),
             ok: mission.is_some(),
             findings: findings.iter().collect(),
+            needs: &needs,
             error: None,
         };
-        let verdict = mission.as_ref().map_or_else(|| "broken".to_owned(), summary);
+        let verdict =
+            mission.as_ref().map_or_else(|| "broken".to_owned(), |it| summary(it, &needs));
         output.show(format!("{findings}{}: {verdict}", source.name), &checked);
     }
     let failure = match broken {
@@ -83,20 +90,35 @@ fn show_unread(path: &Path, unread: &Failure, output: &mut Output) {
     let text = format!("{}\n{mission}: broken", unread.to_text());
     output.show(
         text,
-        &Checked { mission, ok: false, findings: Vec::new(), error: Some(&unread.message) },
+        &Checked {
+            mission,
+            ok: false,
+            findings: Vec::new(),
+            needs: &[],
+            error: Some(&unread.message),
+        },
     );
 }
 
-fn summary(mission: &Mission) -> String {
+/// The named motors and sensors of a mission, as a robot's file has them: a slip in such a name is
+/// one that only that file could refute.
+fn named(mission: &Mission) -> Vec<String> {
+    let motors = mission.motors().iter().map(|name| format!("[motor.{name}]"));
+    motors.chain(mission.sensors().iter().map(|name| format!("[sensor.{name}]"))).collect()
+}
+
+fn summary(mission: &Mission, needs: &[String]) -> String {
     let machines: Vec<String> = mission
         .machines()
         .iter()
         .map(|machine| format!("{} ({})", machine.name, counted(machine.states.len(), "state")))
         .collect();
+    let robot = if needs.is_empty() { "" } else { "; for a robot with " };
     format!(
-        "in order: {}, {} Hz, {} s at most",
+        "in order: {}, {} Hz, {} s at most{robot}{}",
         machines.join(", "),
         mission.rate_hz(),
-        mission.time_limit_s()
+        mission.time_limit_s(),
+        needs.join(", ")
     )
 }

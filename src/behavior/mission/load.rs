@@ -128,6 +128,7 @@ impl<'d> Reader<'_, 'd, '_> {
             on_lost: on_lost?,
             on_stall: on_stall?,
             motors: self.vocabulary.motors.names().to_vec(),
+            sensors: self.vocabulary.sensors.names().to_vec(),
             numbers: self.vocabulary.numbers,
             variables: self.vocabulary.variables,
             firsts: self.firsts,

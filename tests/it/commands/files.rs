@@ -28,6 +28,16 @@ fn check_looks_at_every_file_and_says_which_are_broken() {
         said.out
     );
     assert_eq!(said.out.lines().count(), 3, "{}", said.out);
+    // What only the robot's file can refute is said where none was given.
+    let named =
+        good.replace("range_m", "sensor.eye").replacen("do = {", "do = { motor.arm = 9,", 1);
+    std::fs::write(folder.path().join("named.toml"), named).unwrap();
+    let said = run(folder.path(), &["check", "named.toml"]).expect(0);
+    assert!(said.out.ends_with("; for a robot with [motor.arm], [sensor.eye]\n"), "{}", said.out);
+    let said = run(folder.path(), &["check", "named.toml", "--json"]).expect(0);
+    assert_eq!(said.json()[0]["needs"], serde_json::json!(["[motor.arm]", "[sensor.eye]"]));
+    let said = run(folder.path(), &["check", "named.toml", "--robot", "mapper"]).expect(3);
+    assert!(said.out.contains("the robot has no motor named `arm`"), "{}", said.out);
 
     let said = run(
         folder.path(),
