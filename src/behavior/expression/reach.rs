@@ -1,6 +1,7 @@
-//! Signals that are compared with a number that they never are: another unit may have been meant.
+//! Signals that are compared with a number that they never are, where another unit may have been
+//! meant; and by size with one of several things, which have no order.
 
-use super::{Expression, Infix, Op};
+use super::{Comparison, Expression, Infix, Op};
 use crate::behavior::signals::Word;
 use crate::senses::Unit;
 
@@ -66,18 +67,43 @@ impl Expression {
     /// Places and ways have no bound that a robot could not pass, so nothing is said of them.
     pub(in crate::behavior) fn beyond(&self) -> Option<Beyond> {
         (0..self.ops.len()).find_map(|at| {
-            let (one, rest) = operand(&self.ops[at..])?;
-            let (other, rest) = operand(rest)?;
-            let Some(Op::Infix(Infix::Compare(_))) = rest.first() else { return None };
-            let (op, signal, number) = match (one, other) {
-                (Operand::Signal(op, signal), Operand::Number(number))
-                | (Operand::Number(number), Operand::Signal(op, signal)) => (op, signal, number),
-                _ => return None,
-            };
+            let (op, signal, number, _) = compared(&self.ops[at..])?;
             let (least, most) = signal.reach();
             let beyond = || Beyond { name: self.name_of(op), signal, number };
             (number < least || number > most).then(beyond)
         })
+    }
+
+    /// The first comparison by size of a signal that is one of several things, such as a colour:
+    /// what is wrong, and what to do about it.
+    pub(in crate::behavior) fn unordered(&self) -> Option<(String, String)> {
+        (0..self.ops.len()).find_map(|at| {
+            let (op, signal, number, comparison) = compared(&self.ops[at..])?;
+            let mut values = signal.channel?.quantity().values();
+            let is_equality = matches!(comparison, Comparison::Equal | Comparison::NotEqual);
+            let first = values.clone().next().filter(|_| !is_equality)?.0;
+            let value =
+                values.find(|row| Comparison::Equal.of(row.1, number)).map_or(first, |row| row.0);
+            let name = self.name_of(op);
+            Some((
+                format!("`{name}` is one of several things, of which none is more than another"),
+                format!("write `{name} == {value}` or `{name} != {value}`; several with `or`"),
+            ))
+        })
+    }
+}
+
+/// A signal and a number that are compared at the beginning of some operations, and how.
+fn compared(ops: &[Op]) -> Option<(Op, Word, f64, Comparison)> {
+    let (one, rest) = operand(ops)?;
+    let (other, rest) = operand(rest)?;
+    let Some(Op::Infix(Infix::Compare(comparison))) = rest.first() else { return None };
+    match (one, other) {
+        (Operand::Signal(op, signal), Operand::Number(number))
+        | (Operand::Number(number), Operand::Signal(op, signal)) => {
+            Some((op, signal, number, *comparison))
+        }
+        _ => None,
     }
 }
 

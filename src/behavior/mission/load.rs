@@ -224,6 +224,10 @@ impl<'d> Reader<'_, 'd, '_> {
         match read {
             Ok(expression) => {
                 self.uses.extend(expression.channels().map(|channel| (channel, item.place())));
+                if let Some((message, hint)) = expression.unordered() {
+                    item.error(message).hint(hint);
+                    return None;
+                }
                 if let Some(beyond) = expression.beyond() {
                     let claims = Claims::of(&expression);
                     // One that never holds, or always does, is told as that.

@@ -57,7 +57,12 @@ fn a_file_cut_anywhere_is_read_or_refused() {
 
 #[test]
 fn a_named_sensor_has_the_hints_of_what_it_measures() {
-    let sensors = [("back", Channel::Range), ("eye", Channel::Reflect), ("tail", Channel::Touch)];
+    let sensors = [
+        ("back", Channel::Range),
+        ("eye", Channel::Reflect),
+        ("tail", Channel::Touch),
+        ("floor", Channel::Colour),
+    ];
     let sensors = sensors.map(|(name, measures)| (name.to_owned(), measures));
     let robot = Capabilities { sensors: Some(sensors.to_vec()), ..Capabilities::all() };
     for (when, told) in [
@@ -66,6 +71,10 @@ fn a_named_sensor_has_the_hints_of_what_it_measures() {
         ("sensor.eye > 101", "this condition can never hold"),
         ("sensor.eye > 101", "`sensor.eye` is in percent, from 0 to 100"),
         ("not sensor.tail and sensor.tail", "this condition can never hold"),
+        ("sensor.floor > red", "`sensor.floor` is one of several things"),
+        ("touch or blue >= colour", "`colour` is one of several things"),
+        ("touch or blue >= colour", "write `colour == blue` or `colour != blue`"),
+        ("remote > 0", "write `remote == none` or `remote != none`"),
     ] {
         let text = format!(
             "name = \"m\"\n[machine.m]\nstart = \"a\"\n[machine.m.state.a]\nnext = [{{ when = \

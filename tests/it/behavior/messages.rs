@@ -244,6 +244,7 @@ fn cases() -> Vec<(&'static str, String)> {
         ("more than all", when("touch and reflect_pct < 150")),
         ("more than all, which is never so", when("reflect_pct > 150")),
         ("a direction beyond half a turn", when("heading_deg > 270")),
+        ("colours by size", when("colour > red")),
         ("a world", onbrick::sim::World::text("line").unwrap().to_owned()),
         ("a robot", onbrick::robot::DEFAULT_ROBOT.to_owned()),
         ("a text without quotes", "name = m\n".to_owned()),
