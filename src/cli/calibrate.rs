@@ -9,7 +9,7 @@ use super::setup::not_written;
 use super::terminal::{Terminal, stop_flags};
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::MonotonicClock;
-use crate::commissioning::{ApplyError, CalibrateError, CalibrateOptions, Straight};
+use crate::commissioning::{ApplyError, CalibrateError, CalibrateOptions, NoAnswer, Straight};
 use crate::document::save;
 use crate::ev3dev::Tree;
 use crate::runtime::HardwareLock;
@@ -147,7 +147,8 @@ fn failed(error: &CalibrateError) -> Failure {
         | CalibrateError::WallLost
         | CalibrateError::NoRoom { .. }
         | CalibrateError::TooFar(_)
-        | CalibrateError::Stopped => Exit::Failed,
+        | CalibrateError::Stopped
+        | CalibrateError::NoAnswer(NoAnswer::Stopped) => Exit::Failed,
         _ => Exit::Refused,
     };
     Failure::from_error(exit, "not calibrated", error)
@@ -176,6 +177,8 @@ mod tests {
             (CalibrateError::WallLost, Exit::Failed),
             (CalibrateError::NoRoom { at_m: 0.4 }, Exit::Failed),
             (CalibrateError::Stopped, Exit::Failed),
+            (CalibrateError::NoAnswer(NoAnswer::Stopped), Exit::Failed),
+            (CalibrateError::NoAnswer(NoAnswer::Closed), Exit::Refused),
         ] {
             assert_eq!(failed(&error).exit, exit, "{error}");
         }

@@ -8,7 +8,7 @@ use super::common::WRITABLE;
 use super::terminal::{Terminal, stop_flags};
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::MonotonicClock;
-use crate::commissioning::SetupError;
+use crate::commissioning::{NoAnswer, SetupError};
 use crate::document::save::{self, Readers, SaveError};
 use crate::ev3dev::{LocalTree, Tree};
 use crate::runtime::HardwareLock;
@@ -55,7 +55,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         .hint("onbrick halt")?;
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
     let text = crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut terminal)
-        .map_err(|error| refused(file, &error))?;
+        .map_err(|error| failed(file, &error))?;
     let kept = if arguments.force {
         save::replace(file, &text).map_err(|error| not_written(&error))?
     } else {
@@ -73,13 +73,20 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     Ok(())
 }
 
-fn refused(file: &Path, error: &SetupError) -> Failure {
+/// What was found before a motor turned is a refusal; what ends it later, or Ctrl-C, is a failure.
+fn failed(file: &Path, error: &SetupError) -> Failure {
+    let exit = match error {
+        SetupError::NoAnswer(NoAnswer::Stopped) => Exit::Failed,
+        SetupError::TooFewMotors { .. } | SetupError::NoAnswer(_) | SetupError::Find(_) => {
+            Exit::Refused
+        }
+        _ => Exit::Failed,
+    };
     match error {
-        SetupError::Findings(findings) => Failure::refused(findings.to_string()),
-        SetupError::Stopped => Failure::new(Exit::Failed, error.to_string()),
+        SetupError::Findings(_) | SetupError::Stopped => Failure::new(exit, error.to_string()),
         error => {
             let doing = format!("{} is not written", file.display());
-            Failure::from_error(Exit::Refused, &doing, error)
+            Failure::from_error(exit, &doing, error)
         }
     }
 }
@@ -89,5 +96,23 @@ pub(super) fn not_written(error: &SaveError) -> Failure {
     match error {
         SaveError::Exists(_) => failure.hint("another name, or --force, which keeps a copy"),
         SaveError::Io { .. } => failure,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_found_before_a_motor_turns_is_a_refusal() {
+        for (error, exit) in [
+            (SetupError::TooFewMotors { found: "none is".to_owned() }, Exit::Refused),
+            (SetupError::NoAnswer(NoAnswer::Closed), Exit::Refused),
+            (SetupError::NoAnswer(NoAnswer::Stopped), Exit::Failed),
+            (SetupError::Stopped, Exit::Failed),
+            (SetupError::NoWheel("left"), Exit::Failed),
+        ] {
+            assert_eq!(failed(Path::new("robot.toml"), &error).exit, exit, "{error}");
+        }
     }
 }
