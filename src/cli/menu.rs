@@ -234,6 +234,10 @@ fn talk(
     let written = match measures {
         None => crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut dialogue)
             .map_err(|error| text(&error))?,
+        Some(_) if !robot.is_file() => {
+            let set_up = TalkKind::SetUp.words();
+            return Err(format!("There is no {} yet: {set_up} first.", robot.display()));
+        }
         Some(options) => {
             let LoadedRobot { source, config } =
                 load_robot(Some(robot)).map_err(|failure| failure.message)?;
@@ -253,4 +257,21 @@ fn talk(
     let was =
         kept.map(|kept| format!(" What was there is now {}.", kept.display())).unwrap_or_default();
     Ok(format!("{} is written.{was}", robot.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_measures_a_robot_without_a_file_says_to_set_it_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let (told, (_sender, replies)) = (channel().0, channel());
+        let (pressed, flags) = (Arc::default(), StopFlags::default());
+        let dialogue = ScreenDialogue { told, replies, pressed, flags };
+        let brick = LocalTree::new(folder.path());
+        let over = talk(TalkKind::Range, dialogue, &brick, &folder.path().join("robot.toml"));
+        let why = over.unwrap_err();
+        assert!(why.ends_with("robot.toml yet: Set up the robot first."), "{why}");
+    }
 }

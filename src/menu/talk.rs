@@ -48,7 +48,9 @@ impl TalkKind {
         }
     }
 
-    pub(super) const fn words(self) -> &'static str {
+    /// How it is called on the screen.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
         match self {
             Self::SetUp => "Set up the robot",
             Self::Calibrate => "Calibrate by driving",
