@@ -6,6 +6,8 @@
 //! then `cargo run --example line -- /tmp/brick 10`. Should the program die or hang, the motors
 //! stop by themselves 0.3 s later: every motion is a lease.
 
+#![allow(clippy::print_stderr, reason = "an example says why it failed")]
+
 use std::sync::Arc;
 
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
@@ -23,7 +25,14 @@ const STEER_RAD_S_PCT: f64 = 0.08;
 /// Turns of the loop a second.
 const RATE_HZ: i64 = 50;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() {
+    follow().unwrap_or_else(|error| {
+        eprintln!("error: {error}");
+        std::process::exit(1);
+    });
+}
+
+fn follow() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let brick: Arc<dyn Tree> = Arc::new(LocalTree::new(arguments.next().unwrap_or("/".into())));
     let seconds: i64 = arguments.next().map_or(Ok(30), |text| text.parse())?;

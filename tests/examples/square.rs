@@ -8,6 +8,8 @@
 //! Should the program die, each motor still goes to the end of its side and holds; a motion that
 //! ends sooner is a lease, as in `line.rs`.
 
+#![allow(clippy::print_stderr, reason = "an example says why it failed")]
+
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -24,7 +26,14 @@ const SPEED_DPS: i32 = 300;
 /// How often the motors are looked at.
 const LOOK: Duration = Duration::from_millis(50);
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() {
+    drive().unwrap_or_else(|error| {
+        eprintln!("error: {error}");
+        std::process::exit(1);
+    });
+}
+
+fn drive() -> Result<(), Box<dyn std::error::Error>> {
     let root = std::env::args().nth(1).unwrap_or("/".into());
     let brick: Arc<dyn Tree> = Arc::new(LocalTree::new(root));
     let wheels =

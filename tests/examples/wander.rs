@@ -6,12 +6,11 @@
 //! the folder of a simulated brick as argument. Should the program die, the motors stop by
 //! themselves 0.3 s later: every motion is a lease.
 
-#![allow(clippy::print_stdout, reason = "an example shows what it did")]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "an example shows what it did")]
 
 use std::sync::Arc;
-use std::time::Duration;
 
-use onbrick::behavior::engine::{Engine, Finish, Machine, Progress};
+use onbrick::behavior::engine::{Engine, Finish, Machine};
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use onbrick::ev3dev::{LocalTree, TachoMotor, Tree};
 use onbrick::mapping::{Estimator, EstimatorConfig, Geometry, Inputs, Method, Pose};
@@ -19,12 +18,18 @@ use onbrick::robot::LeasedMotor;
 
 #[derive(Default)]
 struct Robot {
-    pose: Pose,
     since_turn_m: f64,
     speeds_rad_s: [f64; 2],
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() {
+    wander().unwrap_or_else(|error| {
+        eprintln!("error: {error}");
+        std::process::exit(1);
+    });
+}
+
+fn wander() -> Result<(), Box<dyn std::error::Error>> {
     let tree: Arc<dyn Tree> =
         Arc::new(LocalTree::new(std::env::args().nth(1).unwrap_or("/".into())));
     let motor = |port: &str| -> Result<LeasedMotor, Box<dyn std::error::Error>> {
@@ -44,30 +49,26 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .state("turn", |state| {
             state
                 .doing(|robot, _| robot.speeds_rad_s = [1.5, -1.5])
-                .after(Duration::from_secs(1), "straight")
+                .after(std::time::Duration::from_secs(1), "straight")
         });
     let mut engine = Engine::new(Finish::All, [drive])?;
-    let (mut robot, clock) = (Robot::default(), MonotonicClock);
-    let start_ns = clock.now_ns();
+    let (mut robot, clock, start_ns) = (Robot::default(), MonotonicClock, MonotonicClock.now_ns());
     for tick in 0..500 {
         clock.sleep_until_ns(start_ns + tick * 20 * MILLISECOND_NS);
         let now_ns = clock.now_ns();
-        let inputs = Inputs {
+        let estimate = estimator.update(&Inputs {
             time_ns: now_ns,
             left_rad: Some(left.angle_rad()?),
             right_rad: Some(right.angle_rad()?),
             ..Inputs::default()
-        };
-        let estimate = estimator.update(&inputs);
+        });
         robot.since_turn_m += estimate.forward_m_s * 0.02;
-        robot.pose = estimate.pose;
-        if engine.step(now_ns, &mut robot) == Progress::Finished {
-            break;
-        }
+        engine.step(now_ns, &mut robot);
         left.turn(robot.speeds_rad_s[0], now_ns)?;
         right.turn(robot.speeds_rad_s[1], now_ns)?;
     }
     // Dropping the motors stops them.
-    println!("{:.3} m, {:.3} m, {:.3} rad", robot.pose.x_m, robot.pose.y_m, robot.pose.heading_rad);
+    let pose = estimator.pose_at(clock.now_ns());
+    println!("{:.3} m, {:.3} m, {:.3} rad", pose.x_m, pose.y_m, pose.heading_rad);
     Ok(())
 }

@@ -56,6 +56,17 @@ fn the_documented_programs_are_sixty_lines_at_most() {
 }
 
 #[test]
+fn the_documented_programs_say_in_words_why_they_fail() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["square", "line", "wander"] {
+        let Some(program) = example(name) else { return };
+        let said = done(&Command::new(program).arg(folder.path()).output().unwrap());
+        assert_eq!(said.code, Some(1), "{name}: {}", said.err);
+        assert!(said.err.starts_with("error: no ") && !said.err.contains('"'), "{}", said.err);
+    }
+}
+
+#[test]
 fn the_documented_square_is_driven_and_ends_where_it_began() {
     drives("square", "open", &[], |pace, truth| {
         let turned_deg = truth.heading_deg;
