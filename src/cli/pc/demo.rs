@@ -17,7 +17,7 @@ use crate::document::nearest_or_all;
 use crate::mapping::{Method, Pose, stats};
 use crate::recording::Run;
 use crate::robot::RobotConfig;
-use crate::runtime::{Brick, Job, NoHeartbeat, Source, execute};
+use crate::runtime::{Brick, Event, Job, NoHeartbeat, Source, execute};
 use crate::sim::covered;
 use crate::units::{count, counted, degrees, wrap_rad};
 
@@ -107,7 +107,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     });
     progress.finish();
     let ended = ended.inspect_err(|_| folder.take_back())?;
-    output.line(ended.to_string());
+    output.show(ended.to_string(), &Event::Ended(ended.clone()));
     let loaded = open_run(&job.file)?;
     draw(&folder.path, &scene_of(std::slice::from_ref(&loaded), None))?;
     let quality = quality(&loaded, &world)?;

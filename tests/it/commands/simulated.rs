@@ -30,7 +30,9 @@ fn demo_leaves_its_files_and_the_same_seed_gives_the_same_bytes() {
             &["demo", "--seconds", "30", "--seed", seed, "--out", out, "--json"],
         )
         .expect(0);
-        let [quality] = json.json().try_into().unwrap();
+        let [ended, quality] = json.json().try_into().unwrap();
+        assert_eq!(ended["event"], "ended", "{ended}");
+        assert!(ended["ticks"].as_u64() > Some(0), "{ended}");
         assert_eq!(
             keys(&quality),
             [
