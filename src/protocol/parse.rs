@@ -91,7 +91,8 @@ fn envelope(bytes: &[u8], known: &[&[&str]]) -> Result<Envelope, NotUnderstood> 
     }
     let envelope: Envelope = serde_json::from_slice(bytes).map_err(|error| {
         // A request that can be read at all is answered under its own name.
-        refuse(id_of(bytes), Kind::BadRequest, format!("not a request: {}", said(&error)))
+        let message = format!("not a request: {}", said::<Envelope>(bytes, &error));
+        refuse(id_of(bytes), Kind::BadRequest, message)
     })?;
     if matches!(&envelope.id, Id::Text(text) if text.len() > MAX_ID_BYTES) {
         return Err(refuse(
@@ -125,16 +126,42 @@ fn id_of(bytes: &[u8]) -> Option<Id> {
 fn body<R: DeserializeOwned>(bytes: &[u8], id: &Id) -> Result<R, NotUnderstood> {
     serde_json::from_slice(bytes).map_err(|error| NotUnderstood {
         id: Some(id.clone()),
-        refusal: Refusal::new(Kind::BadRequest, format!("the request's fields: {}", said(&error))),
+        refusal: Refusal::new(
+            Kind::BadRequest,
+            format!("the request's fields: {}", said::<R>(bytes, &error)),
+        ),
     })
+}
+
+/// What is wrong with which field, where one is of a wrong type. Of a type with a tag, serde does
+/// not tell which: it is the one without which the error is another one, or none.
+fn wrong_field<R: DeserializeOwned>(bytes: &[u8]) -> Option<String> {
+    // Of operations; a request may have any number of others.
+    const MOST_FIELDS: usize = 16;
+    let mut request: Value = serde_json::from_slice(bytes).ok()?;
+    let error = |request: &Value| R::deserialize(request).err().map(|error| error.to_string());
+    // Which field is missing, it says itself.
+    let whole = error(&request).filter(|whole| !whole.starts_with("missing field"))?;
+    let mut fields: Vec<String> = request.as_object()?.keys().take(MOST_FIELDS).cloned().collect();
+    // Without the tag any error is another one.
+    fields.sort_by_key(|field| field == "op");
+    let wrong = fields.iter().find(|field| {
+        let taken = request.as_object_mut().and_then(|fields| fields.remove(*field));
+        let is_it = error(&request).as_ref() != Some(&whole);
+        if let Some((fields, taken)) = request.as_object_mut().zip(taken) {
+            fields.insert((*field).clone(), taken);
+        }
+        is_it
+    })?;
+    Some(format!("`{}`: {whole}", printable::name(wrong)))
 }
 
 /// What was not understood is repeated in it, however long it is: of a long text the middle is left
 /// out.
-fn said(error: &serde_json::Error) -> String {
+fn said<R: DeserializeOwned>(bytes: &[u8], error: &serde_json::Error) -> String {
     const BEGINNING: usize = 200;
     const END: usize = 100;
-    let text = error.to_string();
+    let text = wrong_field::<R>(bytes).unwrap_or_else(|| error.to_string());
     let text = shown(&text, Layout::Line, usize::MAX);
     let count = text.chars().count();
     if count <= BEGINNING + END {
@@ -239,6 +266,7 @@ mod tests {
     fn a_refusal_is_short_and_says_what_is_wrong_however_long_the_request_is() {
         let long = "9ä".repeat(10_000);
         for (text, what) in [
+            (format!(r#"{{"id":1,"op":"status","version":"{long}"}}"#), "`version`: invalid type"),
             (format!(r#"{{"id":1,"op":"status","version":"{long}"}}"#), "expected u32"),
             (
                 format!(
@@ -249,6 +277,24 @@ mod tests {
         ] {
             let message = refused(text.as_bytes()).refusal.message;
             assert!(message.len() < 1000 && message.contains(what), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_field_of_a_wrong_type_is_named() {
+        for (fields, message) in [
+            (r#""op":"fetch","run":"r","offset":-1,"length":1"#, "`offset`: invalid value"),
+            (r#""op":"fetch","run":"r","offset":"x","length":[]"#, "`length`: invalid type"),
+            (r#""op":"start","run":7,"mission":{"name":"map"}"#, "`run`: invalid type"),
+            (r#""op":"start","run":"r","mission":{"name":7}"#, "`mission`: "),
+            (r#""op":"stop","run":"../x","later":[1]"#, "`run`: a run's identifier has"),
+            (r#""op":"fetch","run":"r","length":1"#, "fields: missing field `offset`"),
+            (r#""op":"stop","run":"a","run":"b""#, "fields: duplicate field `run`"),
+            (r#""op":7"#, "not a request: `op`: invalid type"),
+        ] {
+            let text = format!(r#"{{"id":1,"version":1,{fields}}}"#);
+            let said = refused(text.as_bytes()).refusal.message;
+            assert!(said.contains(message), "{text}: {said}");
         }
     }
 
