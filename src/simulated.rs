@@ -17,6 +17,7 @@ use crate::robot::{MotorRole, RobotConfig, StopButton};
 use crate::runtime::{Brick, Environment, Job, Refused, Source, Truth};
 use crate::senses::{Channel, Role};
 use crate::sim::{Observer, Port, SensorKind, Simulation, WorldPhysics};
+use crate::units::wrap_rad;
 
 /// A world whose robot is built as `robot.toml` describes it, where the world itself says nothing
 /// of its robot.
@@ -194,7 +195,8 @@ pub fn simulated_at(job: &Job, clock: Arc<dyn Clock>) -> Result<Simulated, Refus
 /// Where the robot really is.
 fn truth(observer: &Observer) -> Option<Truth> {
     let truth = observer.truth(0)?;
-    let pose = Pose { x_m: truth.x_m, y_m: truth.y_m, heading_rad: truth.heading_rad };
+    let heading_rad = wrap_rad(truth.heading_rad);
+    let pose = Pose { x_m: truth.x_m, y_m: truth.y_m, heading_rad };
     Some(Truth { pose, fallen: truth.fallen })
 }
 
@@ -205,14 +207,18 @@ mod tests {
     use crate::robot::{DEFAULT_ROBOT, ROBOTS};
     use crate::sim::World;
 
-    /// The time that a simulated brick has given up for lost, `pause_ns` after it was made.
-    fn lost_ns(realtime: bool, pause_ns: i64) -> i64 {
+    fn job(realtime: bool) -> Job {
         let source =
             |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
         let world = source("arena", World::text("arena").unwrap());
         let brick = Brick::Simulated { world, seed: 1, realtime };
         let (mission, robot) = (source("mission.toml", ""), source("robot.toml", ""));
-        let job = Job::new(mission, robot, brick, "run.mcap".into());
+        Job::new(mission, robot, brick, "run.mcap".into())
+    }
+
+    /// The time that a simulated brick has given up for lost, `pause_ns` after it was made.
+    fn lost_ns(realtime: bool, pause_ns: i64) -> i64 {
+        let job = job(realtime);
         let Simulated { environment, simulation, .. } = simulated(&job).unwrap();
         environment.clock.sleep_ns(pause_ns);
         simulation.catch_up();
@@ -243,6 +249,17 @@ mod tests {
         let geared = bodied("name = \"w\"", &geared);
         assert_eq!((geared.drive, geared.drive_inverted), ([2, 3], [true, false]));
         assert!((geared.wheel_circumference_m - 0.094_488).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_true_heading_is_wrapped_as_all_that_is_recorded() {
+        let mut job = job(false);
+        let text = "name = \"w\"\n[[start]]\nat = [0, 0]\nheading_deg = 270\n".to_owned();
+        let world = Source { name: "w.toml".to_owned(), text };
+        job.brick = Brick::Simulated { world, seed: 1, realtime: false };
+        let Simulated { environment, .. } = simulated(&job).unwrap();
+        let heading_rad = environment.truth.unwrap()().unwrap().pose.heading_rad;
+        assert!((heading_rad + std::f64::consts::FRAC_PI_2).abs() < 1e-9, "{heading_rad} rad");
     }
 
     #[test]
