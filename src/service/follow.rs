@@ -13,8 +13,7 @@ use crate::printable::with_causes;
 use crate::protocol::{LastStop, RunId, RunStatus};
 use crate::recording;
 use crate::runtime::{Ended, Event, RunError, RunProcess, Stop, StopReason};
-use crate::threads::lock;
-use crate::threads::spawn;
+use crate::threads::{lock, spawn};
 
 /// How often a run that was found is looked at, nanoseconds: nothing tells us when it ends.
 const LOOK_NS: i64 = 100 * MILLISECOND_NS;

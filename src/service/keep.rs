@@ -14,8 +14,7 @@ use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree;
 use crate::protocol::LastStop;
 use crate::runtime::StopReason;
-use crate::threads::lock;
-use crate::threads::spawn;
+use crate::threads::{lock, spawn};
 
 /// The pace, nanoseconds: half a pulse of the lights is twice as long.
 const PACE_NS: i64 = 250 * MILLISECOND_NS;

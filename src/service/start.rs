@@ -25,8 +25,7 @@ use crate::runtime::{
     HardwareLock, Job, LockError, OrphansError, PATIENCE_NS, RunProcess, StopBy, StopReason,
     Stopper, evict, stop_orphans,
 };
-use crate::threads::lock;
-use crate::threads::spawn;
+use crate::threads::{lock, spawn};
 use crate::units::radians;
 
 /// How long a stop waits for the motors to be told, nanoseconds. A run that drives tells them

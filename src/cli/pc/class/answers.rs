@@ -30,8 +30,7 @@ use crate::protocol::{Name, RunId, RunInfo};
 use crate::report::live::Wish;
 use crate::report::plot;
 use crate::sim::World;
-use crate::threads::lock;
-use crate::threads::spawn;
+use crate::threads::{lock, spawn};
 
 /// What the page is made of.
 const PARTS: [(&str, Kind, &str); 9] = [

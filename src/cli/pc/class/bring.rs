@@ -14,8 +14,7 @@ use crate::link::client::file_so_far;
 use crate::link::{ClientError, FetchProgress, Patience};
 use crate::protocol::{Kind, RunId};
 use crate::report::live::Sources;
-use crate::threads::lock;
-use crate::threads::spawn;
+use crate::threads::{lock, spawn};
 
 /// How long a brick may be away before a fetch is tried from scratch, seconds.
 const PATIENCE_S: f64 = 30.0;
