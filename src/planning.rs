@@ -20,7 +20,8 @@
 //! sides that were heard from afar close it: so where nothing is left, what was not heard from near
 //! is believed half as much ([`Request::again`]), and the robot goes there and looks. What has
 //! stopped it is forgotten then, and what was heard where it once stood: so it gets out of where it
-//! came in.
+//! came in. With the second such request what was heard from near is gone, too, but for what was
+//! heard again since.
 //!
 //! *Known*: free by the grid, or the robot stood there. *Drivable*: known, nothing solid within the
 //! distance to keep, nothing unknown beside it; or its middle was there, and nothing solid is
@@ -34,7 +35,8 @@
 //! freespace assumption; Koenig and Likhachev, *D\* Lite*, 2002): it is told as far as it is known,
 //! and the robot looks on from there ([`Outcome::Frontier`]). What is still not known after two
 //! looks counts as blocked, and so does what a map's point is near to. So a place that cannot be
-//! reached is given up in the end, after as many looks as exploring takes.
+//! reached is given up in the end, after as many looks as exploring takes. Where the robot stood
+//! nothing else does, whatever was heard there since: only what stops it keeps it from going back.
 //!
 //! What is of interest need not be drivable: the way ends where the robot can look at it. A robot
 //! that stands nearer to something than it should gets away from there over any cell that is not
@@ -70,6 +72,10 @@
 //!   other sides: 72 contacts and 17 collisions.
 //! - To keep 0.17 m for 0.15: 72 contacts, 19 collisions, and 1.2 % less of the wall (in `arena`
 //!   3.6), as more ways are narrow and the robot gets out of more places that it should not be in.
+//!
+//! - To count nothing for solid that was heard where the robot stood, exploring as well: of 465 runs
+//!   all come home for 464, with as much of the wall and 36 collisions for 25.
+//! - To forget in the third try all that was heard, or what was looked at not: it finds no more.
 //!
 //! # What it costs
 //!

@@ -147,8 +147,8 @@ pub struct NavigationState {
     turns_left: bool,
     /// It comes nearer to things than it should, as there is no other way.
     is_tight: bool,
-    /// It tries what it tried before once more.
-    is_second: bool,
+    /// How often it has doubted the map, and tried once more what it tried before.
+    doubts: u8,
     /// Efforts in a row that brought it no nearer, and how far from the place that was at least.
     empty: u8,
     nearest_m: Option<f64>,

@@ -89,6 +89,8 @@ pub(super) struct Survey {
     suspects: Layer,
     /// A beam passed through from near.
     pub(super) swept: Layer,
+    /// The way is to a place: it goes over what is not known, and where the robot stood.
+    assumes: bool,
     kinds: Vec<Kind>,
 }
 
@@ -121,6 +123,7 @@ impl Survey {
             walls: layer(),
             suspects: layer(),
             swept: layer(),
+            assumes: false,
             kinds: vec![Kind::default(); columns * rows],
         })
     }
@@ -275,8 +278,10 @@ impl Survey {
     /// those without anything known cost little.
     ///
     /// - `keep`: the distance to keep, cells.
-    /// - `assumes`: what is not known is assumed to be free.
+    /// - `assumes`: what is not known is assumed to be free, and nothing to stand where the robot
+    ///   stood.
     pub(super) fn grow(&mut self, first: usize, most: usize, keep: f64, assumes: bool) -> usize {
+        self.assumes = assumes;
         let widest = f64::from(WIDEST);
         #[expect(
             clippy::cast_possible_truncation,
@@ -375,7 +380,9 @@ impl Survey {
 
     /// Occupied, but for single cells.
     fn solid(&self, row: i32) -> Row {
-        either(self.walls.row(row), self.obstacles.row(row))
+        let walls = self.walls.row(row);
+        let walls = if self.assumes { without(walls, self.stood.row(row)) } else { walls };
+        either(walls, self.obstacles.row(row))
     }
 
     /// Lets the robot get away from where it stands, over what it may not drive on otherwise.
