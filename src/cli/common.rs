@@ -8,6 +8,7 @@ use super::output::safe;
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::wall_ns;
+#[cfg(feature = "sim")]
 use crate::document::save::{self, Readers};
 use crate::document::{Findings, one_of};
 #[cfg(feature = "sim")]
