@@ -87,7 +87,7 @@ impl NavigationState {
     }
 
     /// What it did has brought the robot no nearer to its goal: it looks round, then comes nearer
-    /// to things, then tries once more what it tried before, with doubt in the map, at last.
+    /// to things, then doubts the map and tries once more what it tried before. Then it is done.
     pub(super) fn try_harder(&mut self, tick: &Tick<'_>, motion: &mut MotionState) {
         self.rest();
         if let Goal::Place { x_m, y_m, .. } = tick.order.goal {
