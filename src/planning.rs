@@ -17,11 +17,11 @@
 //! cell where it lies, more when it comes from near; a beam takes some away from the cells that it
 //! passes near the robot. As long as its sweep is not over, it counts where it was guessed to lie
 //! at once, and what its sweep then leaves out of the map counts no more. Echoes of a doorway's
-//! sides that were heard from afar close it: so where nothing is left, what was not heard from near
-//! is believed half as much ([`Request::again`]), and the robot goes there and looks. What has
-//! stopped it is forgotten then, and what was heard where it once stood: so it gets out of where it
-//! came in. With the second such request what was heard from near is gone, too, but for what was
-//! heard again since.
+//! sides that were heard from afar close it: so where nothing is left, all that was heard is
+//! believed half as much ([`Request::again`]). What was not heard from near then stands no more,
+//! and the robot goes there and looks. What has stopped it is forgotten, and what was heard where
+//! it once stood: so it gets out of where it came in. After a second such request what was heard
+//! from near stands no more, either, if it was not heard again since.
 //!
 //! *Known*: free by the grid, or the robot stood there. *Drivable*: known, nothing solid within the
 //! distance to keep, nothing unknown beside it; or its middle was there, and nothing solid is
@@ -75,7 +75,8 @@
 //!
 //! - To count nothing for solid that was heard where the robot stood, exploring as well: all of 465
 //!   runs come home for 464, with as much of the wall, and 36 collisions for 25.
-//! - To forget in the third try all that was heard, or what was looked at not: it finds no more.
+//! - In the third try to forget all that was heard, or not to look again at what was looked at: it
+//!   finds no more, and takes as long.
 //!
 //! # What it costs
 //!

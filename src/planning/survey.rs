@@ -378,7 +378,7 @@ impl Survey {
         without(either(self.free.row(row), self.stood.row(row)), self.occupied.row(row))
     }
 
-    /// Occupied, but for single cells.
+    /// What was heard often enough, and what has stopped the robot.
     fn solid(&self, row: i32) -> Row {
         let walls = self.walls.row(row);
         let walls = if self.assumes { without(walls, self.stood.row(row)) } else { walls };
