@@ -29,7 +29,7 @@ pub use canvas::PlotError;
 pub(crate) use canvas::png_file;
 
 use crate::clock::seconds;
-use crate::mapping::{self, MapPoint, Misfit, Pose, Sight, Testimony, Wall};
+use crate::mapping::{self, MapPoint, Method, Misfit, Pose, Sight, Testimony, Wall};
 use crate::printable;
 use crate::recording::Run;
 use crate::sim::Paint;
@@ -68,6 +68,8 @@ pub struct Track {
     pub points: Vec<MapPoint>,
     /// What it found that does not stand: not drawn and not exported, but walls are tried by it.
     pub doubted: Vec<MapPoint>,
+    /// The estimator that placed the points.
+    pub method: Method,
     /// Its map fits none of the others' ([`Scene::align`]), and says nothing of their walls.
     pub is_apart: bool,
     /// What a person should know about the recording; empty for one that is whole.
@@ -132,6 +134,7 @@ impl Track {
                 .collect(),
             points: cloud(standing),
             doubted: cloud(doubted),
+            method: run.info.as_ref().map(|info| info.method).unwrap_or_default(),
             is_apart: false,
             warnings: run.warnings.clone(),
         }
@@ -192,6 +195,25 @@ impl Scene {
         let apart = apart.into_iter().map(|track| all(track).concat());
         self.walls =
             [together].into_iter().chain(apart).flat_map(|all| mapping::walls(&all)).collect();
+    }
+
+    /// Turns the points of all tracks about where they were heard from to where several sides agree
+    /// ([`mapping::crossings()`]): of those that fit together, those of a track that is apart by
+    /// themselves. Where the seed's estimator placed points they stay. Walls are found before, by
+    /// the points as they were placed.
+    pub fn turn_points(&mut self) {
+        let turns = |track: &&mut Track| track.method != Method::Seed && !track.path.is_empty();
+        let (apart, together): (Vec<&mut Track>, Vec<&mut Track>) =
+            self.tracks.iter_mut().filter(turns).partition(|track| track.is_apart);
+        let apart = apart.into_iter().map(|track| vec![track]);
+        for tracks in apart.chain([together]) {
+            let all: Vec<Sight> =
+                tracks.iter().flat_map(|track| track.sights(&track.points)).collect();
+            let points = tracks.into_iter().flat_map(|track| &mut track.points);
+            for (point, [x_m, y_m]) in points.zip(mapping::crossings(&all)) {
+                (point.x_m, point.y_m) = (x_m, y_m);
+            }
+        }
     }
 
     /// Corrects the tracks' start poses against each other: the first whose map has points enough
@@ -403,6 +425,35 @@ mod tests {
         assert_eq!(apart, [true, false, true, false]);
         scene.find_walls();
         assert_eq!(scene.walls.len(), 8, "{:?}", scene.walls);
+    }
+
+    #[test]
+    fn points_of_all_that_fit_are_turned_together_and_the_seeds_stay() {
+        // A post that each of four robots heard from its side, on a tangent.
+        let track = |direction: i32, method: Method| {
+            let (sin, cos) = libm::sincos(f64::from(direction) * std::f64::consts::FRAC_PI_2);
+            let at = PathPoint { time_ns: 0, x_m: cos, y_m: sin, heading_rad: 0.0 };
+            let beside = |step: i32| {
+                let aside_m = 0.01 * f64::from(step);
+                MapPoint { time_ns: 1, x_m: -aside_m * sin, y_m: aside_m * cos }
+            };
+            let points = (-12..=12).map(beside).collect();
+            Track { path: vec![at], points, method, ..Track::default() }
+        };
+        let far_m = |track: &Track| {
+            let far = track.points.iter().map(|point| libm::hypot(point.x_m, point.y_m));
+            far.sum::<f64>() / 25.0
+        };
+        let tracks: Vec<Track> = (0..4).map(|side| track(side, Method::Default)).collect();
+        let seed = track(0, Method::Seed);
+        let lone = Track { is_apart: true, ..track(0, Method::Default) };
+        let all = tracks.iter().chain([&seed, &lone]).cloned().collect();
+        let mut scene = Scene { tracks: all, ..Scene::default() };
+        scene.turn_points();
+        for (before, after) in tracks.iter().zip(&scene.tracks) {
+            assert!(far_m(after) < 0.5 * far_m(before), "{}", far_m(after));
+        }
+        assert_eq!(scene.tracks[4..], [seed, lone]);
     }
 
     #[test]

@@ -7,14 +7,13 @@ use serde::Serialize;
 use super::scene::{draw, scene_of};
 use crate::behavior::shipped::{MISSIONS, Shipped, find};
 use crate::cli::common::{
-    LoadedRun, Progress, environment, load_mission, load_robot, load_world, number_within,
-    open_run, stamps_ns,
+    Progress, environment, load_mission, load_robot, load_world, number_within, open_run, stamps_ns,
 };
 use crate::cli::folder::RunFolder;
 use crate::cli::terminal::stop_flags;
 use crate::cli::{Context, Exit, Failure, Output};
 use crate::document::nearest_or_all;
-use crate::mapping::{Method, Pose, stats};
+use crate::mapping::{MapPoint, Method, Pose, stats};
 use crate::recording::Run;
 use crate::robot::RobotConfig;
 use crate::runtime::{Brick, Event, Job, NoHeartbeat, Source, execute};
@@ -109,8 +108,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let ended = ended.inspect_err(|_| folder.take_back())?;
     output.show(ended.to_string(), &Event::Ended(ended.clone()));
     let loaded = open_run(&job.file)?;
-    draw(&folder.path, &scene_of(std::slice::from_ref(&loaded), None))?;
-    let quality = quality(&loaded, &world)?;
+    let scene = scene_of(std::slice::from_ref(&loaded), None);
+    draw(&folder.path, &scene)?;
+    let drawn = scene.tracks.into_iter().flat_map(|track| track.points).collect::<Vec<_>>();
+    let quality = quality(&loaded.run, &drawn, &world)?;
     output.show(
         format!(
             "map: {}, {}\n{}\
@@ -168,10 +169,8 @@ fn shipped(text: &str) -> Result<String, String> {
     Err(nearest_or_all(text, "it can be", MISSIONS.iter().map(|mission| mission.name)))
 }
 
-fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
+fn quality(run: &Run, points: &[MapPoint], world: &Source) -> Result<Quality, Failure> {
     let (world, _) = world.world()?;
-    let run = &loaded.run;
-    let points = run.points_now();
     let mut distances: Vec<f64> = points
         .iter()
         .map(|point| world.distance_to_nearest_surface(point.x_m, point.y_m))

@@ -24,6 +24,7 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
         log::info!("{}: {stand} of {all} {are} of what stands", track.name);
     }
     scene.find_walls();
+    scene.turn_points();
     let worlds: Vec<World> = runs.iter().filter_map(|loaded| loaded.run.world()).collect();
     let mut names: Vec<&str> = Vec::new();
     add_new(&mut names, worlds.iter().map(World::name));

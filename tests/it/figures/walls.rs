@@ -13,7 +13,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use onbrick::mapping::{MapPoint, Method, Sight, Wall, standing, stats, walls};
+use onbrick::mapping::{MapPoint, Method, Pose, Sight, Wall, crossings, standing, stats, walls};
 use onbrick::sim::{World, covered};
 use onbrick::units::degrees;
 
@@ -226,7 +226,8 @@ fn figures_of_walls_in_real_scans() {
     println!("lego-rotating-sonar, walls: as in simulated rooms");
     let truth = sonar::walls(&folder);
     let samples: Vec<[f64; 2]> = truth.iter().flat_map(samples_of).collect();
-    let teams = sights_of_teams(&folder);
+    let [(_, alignment, place), _] = PLACES;
+    let teams = sights_of_teams(&folder, alignment, place);
     let mut all = Figures::default();
     for (team, sights) in &teams {
         let points: Vec<[f64; 2]> = sights.iter().map(|sight| sight.at_m).collect();
@@ -243,48 +244,71 @@ fn figures_of_walls_in_real_scans() {
 #[test]
 fn figures_of_what_stands_in_real_scans() {
     let Some(folder) = sonar::folder() else { return };
-    println!(
-        "lego-rotating-sonar, all places of a robot: points, under 5 cm, wall with a point, %; of \
-         what stands"
-    );
     let truth = sonar::walls(&folder);
     let samples: Vec<[f64; 2]> = truth.iter().flat_map(samples_of).collect();
-    let judge = |sights: &[Sight]| {
-        let place = |[x_m, y_m]: [f64; 2]| MapPoint { time_ns: 0, x_m, y_m };
+    let judge = |places: &[[f64; 2]]| {
+        let point = |[x_m, y_m]: [f64; 2]| MapPoint { time_ns: 0, x_m, y_m };
         let far_m: Vec<f64> =
-            sights.iter().map(|sight| sonar::to_nearest_wall(&truth, place(sight.at_m))).collect();
-        let points = sights.iter().map(|sight| sight.at_m);
+            places.iter().map(|place| sonar::to_nearest_wall(&truth, point(*place))).collect();
         let near = stats::share(&far_m, |m| m < 0.05).unwrap() * 100.0;
-        [near, covered(&samples, points, 0.05).unwrap() * 100.0]
+        [near, covered(&samples, places.iter().copied(), 0.05).unwrap() * 100.0]
     };
-    let mut sums = [[0.0; 2]; 2];
-    for (team, sights) in sights_of_teams(&folder) {
-        let stand: Vec<Sight> = sights
-            .iter()
-            .zip(standing(&sights))
-            .filter_map(|(sight, stands)| stands.then_some(*sight))
-            .collect();
-        let figures = [&sights, &stand].map(|sights| judge(sights));
-        let [[near, coverage], [near_now, coverage_now]] = figures;
+    for (where_they_stood, alignment, place) in PLACES {
         println!(
-            "  {team:15} {:5} {near:5.1} {coverage:5.1}  {:5} {near_now:5.1} {coverage_now:5.1}",
-            sights.len(),
-            stand.len()
+            "lego-rotating-sonar, all places of a robot, {where_they_stood}: points, under 5 cm, \
+             wall with a point, %; of what stands; turned to where several sides agree"
         );
-        assert!(near_now > near && coverage_now > 0.95 * coverage, "{team}: {figures:?}");
-        for (sum, figure) in sums.iter_mut().flatten().zip(figures.iter().flatten()) {
-            *sum += figure;
+        let mut sums = [[0.0; 2]; 3];
+        for (team, sights) in sights_of_teams(&folder, alignment, place) {
+            let stand: Vec<Sight> = sights
+                .iter()
+                .zip(standing(&sights))
+                .filter_map(|(sight, stands)| stands.then_some(*sight))
+                .collect();
+            let [all, standing] =
+                [&sights, &stand].map(|sights| sights.iter().map(|sight| sight.at_m).collect());
+            let figures =
+                [all, standing, crossings(&stand)].map(|places: Vec<[f64; 2]>| judge(&places));
+            let [[near, coverage], [near_now, coverage_now], [turned, coverage_turned]] = figures;
+            println!(
+                "  {team:15} {:5} {near:5.1} {coverage:5.1}  {:5} {near_now:5.1} \
+                 {coverage_now:5.1}  {turned:5.1} {coverage_turned:5.1}",
+                sights.len(),
+                stand.len()
+            );
+            assert!(near_now > near && coverage_now > 0.95 * coverage, "{team}: {figures:?}");
+            assert!(coverage_turned > 0.95 * coverage_now, "{team}: {figures:?}");
+            for (sum, figure) in sums.iter_mut().flatten().zip(figures.iter().flatten()) {
+                *sum += figure;
+            }
         }
+        let [[near, _], [near_now, _], [turned, _]] = sums;
+        println!("  sums {near:5.1}, {near_now:5.1}, {turned:5.1}");
+        assert!(near_now > near + 5.0, "{sums:?}, sums over the robots");
+        // Places that a hand is a few centimetres wrong about say nothing of where arcs cross.
+        let least = if alignment == FITTED { near_now + 1.0 } else { near_now - 1.0 };
+        assert!(turned > least, "{sums:?}, sums over the robots");
     }
-    let [[near, _], [near_now, _]] = sums;
-    assert!(near_now > near + 5.0, "{sums:?}, sums over the robots");
 }
 
+/// The alignment with each robot's place as the scan says.
+const FITTED: &str = "alignment_derived.csv";
+
+/// Where robots stood: on their marks, and as it was fitted.
+const PLACES: [(&str, &str, fn(&[String]) -> Pose); 2] = [
+    ("on their marks", "alignment_nominal.csv", sonar::marked),
+    ("as fitted", FITTED, sonar::fitted),
+];
+
 /// What each robot saw from all its places.
-fn sights_of_teams(folder: &Path) -> BTreeMap<String, Vec<Sight>> {
+fn sights_of_teams(
+    folder: &Path,
+    alignment: &str,
+    place: fn(&[String]) -> Pose,
+) -> BTreeMap<String, Vec<Sight>> {
     let mut teams: BTreeMap<String, Vec<Sight>> = BTreeMap::new();
-    for scan in sonar::scans(folder, "alignment_nominal.csv") {
-        let stood = sonar::marked(&scan);
+    for scan in sonar::scans(folder, alignment) {
+        let stood = place(&scan);
         let points = sonar::cloud(&scan, stood, &sonar::readings(folder, &scan), Method::Default);
         let from_m = [stood.x_m, stood.y_m];
         let sights = points.iter().map(|point| Sight { at_m: [point.x_m, point.y_m], from_m });
