@@ -294,18 +294,17 @@ fn figures_of_what_stands_in_real_scans() {
 /// The alignment with each robot's place as the scan says.
 const FITTED: &str = "alignment_derived.csv";
 
+/// Where a scan's robot stood.
+type PlaceOf = fn(&[String]) -> Pose;
+
 /// Where robots stood: on their marks, and as it was fitted.
-const PLACES: [(&str, &str, fn(&[String]) -> Pose); 2] = [
+const PLACES: [(&str, &str, PlaceOf); 2] = [
     ("on their marks", "alignment_nominal.csv", sonar::marked),
     ("as fitted", FITTED, sonar::fitted),
 ];
 
 /// What each robot saw from all its places.
-fn sights_of_teams(
-    folder: &Path,
-    alignment: &str,
-    place: fn(&[String]) -> Pose,
-) -> BTreeMap<String, Vec<Sight>> {
+fn sights_of_teams(folder: &Path, alignment: &str, place: PlaceOf) -> BTreeMap<String, Vec<Sight>> {
     let mut teams: BTreeMap<String, Vec<Sight>> = BTreeMap::new();
     for scan in sonar::scans(folder, alignment) {
         let stood = place(&scan);
