@@ -3,6 +3,9 @@
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
+#[cfg(feature = "sim")]
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
 #[cfg(feature = "host")]
 use super::output::safe;
 use super::{Context, Exit, Failure, Hint, Output};
@@ -12,7 +15,7 @@ use crate::clock::wall_ns;
 use crate::document::save::{self, Readers};
 use crate::document::{Findings, one_of};
 #[cfg(feature = "sim")]
-use crate::mapping::Pose;
+use crate::mapping::{Method, Pose};
 #[cfg(feature = "host")]
 use crate::page::PageError;
 use crate::printable::with_causes;
@@ -202,6 +205,13 @@ pub(super) fn pose(text: &str) -> Result<[f64; 3], String> {
     } else {
         Err("a pose's numbers are small and finite".to_owned())
     }
+}
+
+/// Reads an estimator's method; shells complete its words.
+#[cfg(feature = "sim")]
+pub(super) fn method() -> impl TypedValueParser<Value = Method> {
+    let words = Method::WORDS.map(|(word, _)| word);
+    PossibleValuesParser::new(words).try_map(|word| word.parse::<Method>())
 }
 
 /// Reads an option's number, which must be within limits.

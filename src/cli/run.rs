@@ -6,6 +6,8 @@ use std::sync::Arc;
 #[cfg(feature = "sim")]
 use super::Hint as _;
 use super::brick::{MissionBrick, brick_is_there};
+#[cfg(feature = "sim")]
+use super::common::method;
 use super::common::{
     chosen_robot, load_mission, load_robot, number_within, own_program, pose, read_mission,
     setting, stamps_ns, warn,
@@ -53,7 +55,7 @@ pub(super) struct Arguments {
     brick: MissionBrick,
     /// How poses are estimated and points placed: default, by odometry alone, or as the seed did.
     #[cfg(feature = "sim")]
-    #[arg(long, default_value = "default", requires = "sim")]
+    #[arg(long, default_value = "default", value_parser = method(), requires = "sim")]
     method: Method,
     /// Let the simulation keep step with the clock on the wall.
     #[cfg(feature = "sim")]

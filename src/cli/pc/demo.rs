@@ -7,7 +7,8 @@ use serde::Serialize;
 use super::scene::{draw, scene_of};
 use crate::behavior::shipped::{MISSIONS, Shipped, find};
 use crate::cli::common::{
-    Progress, environment, load_mission, load_robot, load_world, number_within, open_run, stamps_ns,
+    Progress, environment, load_mission, load_robot, load_world, method, number_within, open_run,
+    stamps_ns,
 };
 use crate::cli::folder::RunFolder;
 use crate::cli::terminal::stop_flags;
@@ -39,7 +40,7 @@ pub(in crate::cli) struct Arguments {
     #[arg(long, default_value = "explore", value_parser = shipped)]
     mission: String,
     /// How poses are estimated and points placed: default, by odometry alone, or as the seed did.
-    #[arg(long, default_value = "default")]
+    #[arg(long, default_value = "default", value_parser = method())]
     method: Method,
     /// How long the robot has at most, in seconds of its own time; without it, as long as the
     /// mission says.

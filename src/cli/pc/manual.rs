@@ -69,13 +69,15 @@ fn with_examples(page: &str) -> String {
     text
 }
 
-/// The same command line as a person sees it: completions would offer hidden commands, too.
+/// The same command line as a person sees it: completions would offer hidden commands, too. Of what
+/// comes in place of a command's own commands they offer those alone: zsh would take the first word
+/// for the one and look for a command in the second.
 fn without_hidden(command: &Command) -> Command {
-    let shown = Command::new(command.get_name().to_owned())
-        .args(command.get_arguments().cloned())
-        .subcommands(
-            command.get_subcommands().filter(|command| !command.is_hide_set()).map(without_hidden),
-        );
+    let has_either = command.is_args_conflicts_with_subcommands_set();
+    let arguments = command.get_arguments().filter(|one| !(has_either && one.is_positional()));
+    let shown = Command::new(command.get_name().to_owned()).args(arguments.cloned()).subcommands(
+        command.get_subcommands().filter(|command| !command.is_hide_set()).map(without_hidden),
+    );
     match command.get_about() {
         Some(about) => shown.about(about.clone()),
         None => shown,

@@ -155,9 +155,19 @@ fn the_manual_has_a_page_for_each_command_that_is_shown_and_bash_completes_just_
     assert!(page("onbrick-sim-exec.1").is_some(), "of the commands of a command, too");
     assert_eq!(page("onbrick-control.1"), None, "control is not started by hand");
     let fish = share.join("fish/vendor_completions.d/onbrick.fish");
-    assert!(std::fs::read_to_string(fish).unwrap().contains("-a \"replay\""));
+    let fish = std::fs::read_to_string(fish).unwrap();
+    assert!(fish.contains("-a \"replay\""));
+    let methods: Vec<&str> =
+        fish.split("complete -c ").filter(|c| c.contains("-l method")).collect();
+    assert!(
+        methods.len() == 2 && methods.iter().all(|one| one.contains("odometry")),
+        "{methods:?}"
+    );
     let zsh = std::fs::read_to_string(share.join("zsh/site-functions/_onbrick")).unwrap();
     assert!(zsh.starts_with("#compdef onbrick") && !zsh.contains("guard"), "{zsh}");
+    let (_, sim) = zsh.split_once("\n            (sim)\n").unwrap();
+    let (options, _) = sim.split_once("_sim_commands").expect("commands of sim");
+    assert!(!options.contains("\n':"), "a word before the commands of sim: {options}");
     let script = share.join("bash-completion/completions/onbrick");
     let completed = |word: &str| {
         let ask = ". \"$1\"; COMP_WORDS=(onbrick \"$2\"); COMP_CWORD=1; \

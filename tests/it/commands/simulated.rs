@@ -100,7 +100,7 @@ fn demo_runs_the_seeds_robot_and_its_estimator_and_replays_with_it() {
     let said = run(folder.path(), &["demo", "--mission", "mapp"]).expect(2);
     assert!(said.err.contains("map"), "{}", said.err);
     let said = run(folder.path(), &["demo", "--method", "sed"]).expect(2);
-    assert!(said.err.contains("default, odometry or seed"), "{}", said.err);
+    assert!(said.err.contains("default, odometry, seed"), "{}", said.err);
 }
 
 #[test]
