@@ -94,9 +94,10 @@ fn figures_of_maps_put_together() {
     println!(
         "the same room, robots: starts wrong by, cm, degrees; corrected, wrong by; paths, cm, \
          before, after; points < 5 cm, %, median, cm, wall with a point, %: of the best robot, \
-         of all by starts, of all corrected"
+         of all by starts, of all corrected, of these as drawn"
     );
     let (mut fits, mut within, mut pairs) = (0, 0, 0);
+    let mut more_near = 0.0;
     for (name, text) in worlds.iter().copied() {
         let world = World::parse(name, text.as_bytes()).unwrap().0;
         let all = &tracks[name];
@@ -123,11 +124,13 @@ fn figures_of_maps_put_together() {
                 most(0),
                 most(1),
             );
-            for [near, median_cm, coverage] in
-                [best, judge(&put, &world), judge(&scene.tracks, &world)]
-            {
+            let mut drawn = scene.clone();
+            drawn.turn_points();
+            let [corrected, turned] = [&scene, &drawn].map(|scene| judge(&scene.tracks, &world));
+            for [near, median_cm, coverage] in [best, judge(&put, &world), corrected, turned] {
                 print!("  {near:3.0} {median_cm:3.1} {coverage:3.0}");
             }
+            more_near += turned[0] - corrected[0];
             println!(
                 "   {}",
                 refused.map_or_else(|| "fits".to_owned(), |misfit| misfit.to_string())
@@ -151,8 +154,13 @@ fn figures_of_maps_put_together() {
             }
         }
     }
-    println!("{fits} of {pairs} sets fit; {within} within 5 cm and 2 degrees");
+    let more_near = more_near / f64::from(pairs);
+    println!(
+        "{fits} of {pairs} sets fit; {within} within 5 cm and 2 degrees; {more_near:.1} % more of \
+         the points are at walls as they are drawn"
+    );
     assert!(2 * fits >= pairs, "{fits} of {pairs}");
+    assert!(more_near > 1.5, "{more_near} % more are at walls");
 
     let mut wrong_pairs = 0;
     for (place, (one, _)) in worlds.iter().enumerate() {
