@@ -29,7 +29,7 @@
 //! | echo | off the axis towards falling ranges, for the default | `mapping/bearing.rs` |
 //! | what was placed before a correction | moves with keyframes of the way, which the filter corrects with all else | `mapping/keyframes.rs` |
 //! | what stands | not what was driven over, seen through or lies behind a wall; after the run | `mapping/standing.rs` |
-//! | points that several sides heard | turned about the sensor to where their arcs cross; after the run | `mapping/crossings.rs` |
+//! | points that several sides heard | turned about where the robot was to where arcs cross; after the run | `mapping/crossings.rs` |
 //! | walls | lines that points vote for, fitted by total least squares; after the run | `mapping/walls.rs` |
 //! | maps of several robots | correlative scan matching, and what the other saw | `mapping/align.rs` |
 //! | grid | log-odds, a sonar cone | *Probabilistic Robotics* 9.2; Elfes 1989 |
