@@ -21,7 +21,7 @@
 //! that nothing was tuned on 89.8 and 92.9 % for 88.0 and 90.0 %. Where posts stand it is most:
 //! among legs of tables 89.6 % for 85.7 % after 600 s. Of real robots' scans from five places each
 //! 0.3 % more are near walls where the places are fitted, none where they are as a hand set the
-//! robots down (`figures_of_what_stands_in_real_scans`). Maps of 4000 points take 10 ms on a PC.
+//! robots down (`figures_of_what_stands_in_real_scans`). Maps of 4000 points take 20 ms on a PC.
 //!
 //! # What was tried and gave nothing
 //!
