@@ -184,12 +184,12 @@ mod tests {
 
     #[test]
     fn a_wall_stays_where_it_is() {
-        // Each piece heard squarely from two places on its way.
-        let sights: Vec<Sight> = (0..300)
+        // Each piece heard squarely, and 40° from either side: arcs that leave the wall.
+        let sights: Vec<Sight> = (0..450)
             .map(|step| {
-                let along_m = 0.01 * f64::from(step % 150);
-                let away_m = if step < 150 { 0.4 } else { 0.7 };
-                Sight { at_m: [along_m, 0.003 * f64::from(step % 3)], from_m: [along_m, away_m] }
+                let (along_m, place) = (0.01 * f64::from(step % 150), step / 150 - 1);
+                let at_m = [along_m, 0.003 * f64::from(step % 3)];
+                Sight { at_m, from_m: [along_m + 0.5 * f64::from(place), 0.6] }
             })
             .collect();
         for (sight, place) in sights.iter().zip(crossings(&sights)) {

@@ -331,7 +331,8 @@ fn figures_of_explore() {
     let chance = if is_long { 0.0 } else { 0.05 };
     assert!(moved > placed - chance, "keyframes make maps worse: {near:?}, sums over the worlds");
     assert!(standing > moved + 0.15, "what is left out stands: {near:?}, sums over the worlds");
-    assert!(turned > standing + 0.1, "arcs cross elsewhere: {near:?}, sums over the worlds");
+    // Of two runs a world it is 0.12, of all 0.15.
+    assert!(turned > standing + 0.08, "arcs cross elsewhere: {near:?}, sums over the worlds");
 }
 
 #[test]
