@@ -139,7 +139,8 @@ fn options(arguments: &Arguments) -> CalibrateOptions {
     }
 }
 
-/// What was found before anything moved is a refusal; what went wrong on the way is a failure.
+/// What was found before anything moved is a refusal; what went wrong on the way is a failure, as is
+/// every end of the answers, which does not tell whether a motor has turned.
 fn failed(error: &CalibrateError) -> Failure {
     let exit = match error {
         CalibrateError::Lost { .. }
@@ -148,7 +149,7 @@ fn failed(error: &CalibrateError) -> Failure {
         | CalibrateError::NoRoom { .. }
         | CalibrateError::TooFar(_)
         | CalibrateError::Stopped
-        | CalibrateError::NoAnswer(NoAnswer::Stopped) => Exit::Failed,
+        | CalibrateError::NoAnswer(_) => Exit::Failed,
         _ => Exit::Refused,
     };
     Failure::from_error(exit, "not calibrated", error)
@@ -177,8 +178,7 @@ mod tests {
             (CalibrateError::WallLost, Exit::Failed),
             (CalibrateError::NoRoom { at_m: 0.4 }, Exit::Failed),
             (CalibrateError::Stopped, Exit::Failed),
-            (CalibrateError::NoAnswer(NoAnswer::Stopped), Exit::Failed),
-            (CalibrateError::NoAnswer(NoAnswer::Closed), Exit::Refused),
+            (CalibrateError::NoAnswer(NoAnswer::Closed), Exit::Failed),
         ] {
             assert_eq!(failed(&error).exit, exit, "{error}");
         }

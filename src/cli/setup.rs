@@ -73,13 +73,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     Ok(())
 }
 
-/// What was found before a motor turned is a refusal; what ends it later, or Ctrl-C, is a failure.
+/// What was found before a motor turned is a refusal; what ends it later is a failure, as is every
+/// end of the answers, which does not tell whether a motor has turned.
 fn failed(file: &Path, error: &SetupError) -> Failure {
     let exit = match error {
-        SetupError::NoAnswer(NoAnswer::Stopped) => Exit::Failed,
-        SetupError::TooFewMotors { .. } | SetupError::NoAnswer(_) | SetupError::Find(_) => {
-            Exit::Refused
-        }
+        SetupError::TooFewMotors { .. } | SetupError::Find(_) => Exit::Refused,
         _ => Exit::Failed,
     };
     match error {
@@ -107,8 +105,7 @@ mod tests {
     fn only_what_is_found_before_a_motor_turns_is_a_refusal() {
         for (error, exit) in [
             (SetupError::TooFewMotors { found: "none is".to_owned() }, Exit::Refused),
-            (SetupError::NoAnswer(NoAnswer::Closed), Exit::Refused),
-            (SetupError::NoAnswer(NoAnswer::Stopped), Exit::Failed),
+            (SetupError::NoAnswer(NoAnswer::Closed), Exit::Failed),
             (SetupError::Stopped, Exit::Failed),
             (SetupError::NoWheel("left"), Exit::Failed),
         ] {

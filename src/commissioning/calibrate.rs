@@ -255,6 +255,7 @@ pub fn calibrate(
 ) -> Result<Calibration, CalibrateError> {
     equip(tree, config, clock)?;
     let mut robot = Robot::bind(tree, config, &[])?;
+    dialogue.say("Getting ready: leave the robot still.");
     clock.sleep_ns(robot.settle_ns());
     prepare(&mut robot, clock, flags, false, |why| dialogue.say(why))?;
     let mut stage = Stage::new(robot, tree, clock, flags);

@@ -85,11 +85,11 @@ fn without_a_brick_no_command_blames_its_plugs() {
 }
 
 #[test]
-fn an_input_that_ends_refuses_and_writes_nothing() {
+fn an_input_that_ends_fails_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     shipped_brick().write(&folder.path().join("brick"));
     let ended = onbrick(folder.path(), &["setup", "red.toml", "--brick", "brick"]);
-    assert_eq!(ended.status.code(), Some(3), "{}", says(&ended));
+    assert_eq!(ended.status.code(), Some(1), "{}", says(&ended));
     assert!(
         says(&ended).contains("red.toml is not written: there is no answer: the input has ended"),
         "{}",
