@@ -9,7 +9,7 @@ use super::setup::not_written;
 use super::terminal::{Terminal, stop_flags};
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::MonotonicClock;
-use crate::commissioning::{ApplyError, CalibrateError, CalibrateOptions, NoAnswer, Straight};
+use crate::commissioning::{ApplyError, CalibrateError, CalibrateOptions, Straight};
 use crate::document::save;
 use crate::ev3dev::Tree;
 use crate::runtime::HardwareLock;
@@ -168,6 +168,7 @@ fn unsure(robot: &Path, error: &ApplyError) -> Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::commissioning::NoAnswer;
 
     #[test]
     fn only_what_is_found_before_anything_moves_is_a_refusal() {

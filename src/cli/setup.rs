@@ -8,7 +8,7 @@ use super::common::WRITABLE;
 use super::terminal::{Terminal, stop_flags};
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::MonotonicClock;
-use crate::commissioning::{NoAnswer, SetupError};
+use crate::commissioning::SetupError;
 use crate::document::save::{self, Readers, SaveError};
 use crate::ev3dev::{LocalTree, Tree};
 use crate::runtime::HardwareLock;
@@ -100,6 +100,7 @@ pub(super) fn not_written(error: &SaveError) -> Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::commissioning::NoAnswer;
 
     #[test]
     fn only_what_is_found_before_a_motor_turns_is_a_refusal() {
