@@ -43,6 +43,18 @@
 //! 32° one in four. Without the doubt of large innovations a foot 12 cm behind its wall moved the
 //! pose by as much.
 //!
+//! A replay favours whatever did not drive: the robot of the recording went on by its own errors.
+//! So the doubt, and `SAME`, were judged over 332 explorations of 98 rooms that the true pose
+//! drove, 450 s each; 42 of them in rooms whose walls have steps of 3 to 10 cm, the last column:
+//!
+//! | | position | once off by 10 cm | points within 5 cm | within 2.5 cm | with steps |
+//! |---|---|---|---|---|---|
+//! | a third of the distance's innovation doubted, `SAME` 5 | 3.09 cm | 45 | 88.7 % | 71.3 % | 5.06 cm, 80.1 % |
+//! | all of it and of the bearing's, `SAME` 3 | 3.08 | 33 | 89.3 | 72.3 | 4.74 cm, 81.9 % |
+//!
+//! Each driving by itself, in the same rooms: 3.05 and 2.94 cm, 50 and 34 runs, 88.6 and 89.1 %.
+//! What is left is the gyro's scale: where that is off by 2 % it takes 200 s to be found.
+//!
 //! # Not here
 //!
 //! The filter's algebra (`filter`). How feet are found (`sweep`).
@@ -66,6 +78,10 @@
 //!   for a point: no better a position, and 0.3 % less of the wall.
 //! - Constants judged by 40 runs a world in which the robot drove by them: such means differ by
 //!   chance as much as by constants.
+//! - A landmark that is not decided yet corrects only itself: 41 of those 332 runs once off by 10
+//!   cm for 33. A deviation that grows with how far a foot is from where others were: 37.
+//! - A reach of 0.9 m and more: by 0.3 cm better where walls are straight, by 1 cm worse where they
+//!   have steps. 32 landmarks for 20: nothing.
 //! - Heading and bias made uncertain where feet are left out: no gain where the gyro is right, and
 //!   half of the error where it drifts by 0.2 °/s.
 
@@ -83,14 +99,11 @@ const BEARING_RAD: f32 = 0.18;
 /// a weak echo or of a part of the surface, and the deviation grows with the square.
 const DISTANCE_M: [f64; 2] = [0.01, 0.01];
 const WIDE_RAD: f64 = 0.7;
-/// So much of a distance's innovation may be an error that the deviation knows nothing of: sound
-/// that went round, another wall. That is Cauchy's weight for errors beyond three deviations.
-const DOUBTED: f32 = 0.33;
 /// A foot narrower than this says nothing certain of the pose, radians: 22°.
 const NARROWEST_RAD: f64 = 0.38;
 /// Squared Mahalanobis distances of two numbers: a foot that is nearer than the first is of the
-/// landmark (92 %), one that is farther than the second from all is of a new one.
-const SAME: f32 = 5.0;
+/// landmark (78 %), one that is farther than the second from all is of a new one.
+const SAME: f32 = 3.0;
 const OTHER: f32 = 25.0;
 /// A foot farther than this from a landmark's known extent is not of it, metres: as far as a robot
 /// drives along a wall between two sweeps of its head.
@@ -244,9 +257,12 @@ impl Landmarks {
 
     fn observe(&mut self, best: &Match, seen: &Seen, time_ns: i64) {
         if best.kind == Kind::Wall {
+            // An innovation may be all error that the deviation knows nothing of: sound that went
+            // round, another wall, the middle of a region that has two. What is greater than its
+            // deviation counts less and less, as by Cauchy's weight.
             let [bearing, mixed, distance] = best.covariance;
-            let doubted_m = DOUBTED * best.innovation[1];
-            let covariance = [bearing, mixed, distance + doubted_m * doubted_m];
+            let doubt = best.innovation.map(|innovation| innovation * innovation);
+            let covariance = [bearing + doubt[0], mixed, distance + doubt[1]];
             self.filter.observe(best.index, best.innovation, &best.by, covariance);
         }
         let [x_m, y_m, direction_rad] = self.filter.landmark(best.index);
