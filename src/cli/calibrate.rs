@@ -18,7 +18,8 @@ use crate::runtime::HardwareLock;
 /// robot.toml.
 ///
 /// The robot drives before a wall (or a metre that you measure) and spins on the spot, in both
-/// directions. Nothing is written where the measurements are not sure enough. Ctrl-C, and a
+/// directions, at best in a corner or between things: there its range sensor tells a whole turn,
+/// and with it what the gyro counts too much. Nothing is written where the measurements are not sure enough. Ctrl-C, and a
 /// button on the brick, stop it at once.
 ///
 /// With `--only range` it measures what the range sensor reads too far: have a measuring tape at
@@ -26,7 +27,7 @@ use crate::runtime::HardwareLock;
 ///
 /// Examples:
 ///   onbrick calibrate                      wheels and track, asking what is needed
-///   onbrick calibrate --only track --mark  by spins that you mark, without the gyro's own error
+///   onbrick calibrate --only track --mark  by spins that you mark on the floor
 ///   onbrick calibrate --only range         bias and scale of the range sensor, after the wheels
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
@@ -41,11 +42,11 @@ pub(super) struct Arguments {
     /// How to measure the circumference, instead of asking.
     #[arg(long)]
     straight: Option<How>,
-    /// Mark two spins by a line on the floor, which measures the gyro's scale too, instead of
-    /// asking.
+    /// Mark two spins by a line on the floor, which measures the gyro's scale too, instead of by
+    /// the range sensor.
     #[arg(long)]
     mark: bool,
-    /// Trust the gyro: mark no spins.
+    /// Mark no spins: trust the gyro where the range sensor does not tell its scale.
     #[arg(long, conflicts_with = "mark")]
     no_mark: bool,
     /// How often each motion is driven in each direction.

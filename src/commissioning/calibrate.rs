@@ -12,6 +12,8 @@
 //! - **Track width**: spinning on the spot, the wheels roll `b θ / 2` each, one ahead and one back,
 //!   so `b = c (φ_right - φ_left) / (2π θ)`, with θ from the gyro, or from a person who says when
 //!   the robot stands along a line again.
+//! - **Gyro scale**: what the gyro says for a whole turn, which the range sensor tells, as it hears
+//!   the same again (`whole_turn`), or a person who marks turns.
 //! - **Range**: before a wall whose distance a person has measured, `reading = bias + scale ·
 //!   distance`, with the distance from the wheels' way.
 //! - **Own echoes**: readings that stay at an angle of the head while the robot turns.
@@ -28,8 +30,9 @@
 //!
 //! - Every motion is a lease, bounded in angle and in time; Ctrl-C and the brick's buttons stop it
 //!   at once.
-//! - The gyro's scale is off by 1 to 4 % from one sensor to the next, and nothing on the robot can
-//!   see that: a turn that a person marks can. It is measured with the track width, and written.
+//! - The gyro's scale is off by 1 to 4 % from one sensor to the next. Where all around is far away
+//!   or alike, no sensor can see that: a turn that a person marks can. It is measured with the track
+//!   width, and written.
 //! - The wall is plain and square to the way; at 5 degrees off, the circumference comes out 0.4 %
 //!   too small.
 
@@ -54,6 +57,7 @@ mod range;
 mod stage;
 mod straight;
 mod turns;
+mod whole_turn;
 
 pub use edit::{EditError, set_values};
 pub use fit::{Doubt, Kind, Measured};
@@ -72,7 +76,7 @@ pub struct CalibrateOptions {
     /// Look for the range sensor's echoes of the robot itself.
     pub own_echoes: bool,
     /// Whether a person marks whole turns although there is a gyro, which removes the gyro's own
-    /// error; `None` asks.
+    /// error; `None` asks where the range sensor cannot tell that error.
     pub mark: Option<bool>,
     /// How often each motion is driven in each direction; by default three times, and twice where a
     /// person measures.
@@ -172,7 +176,7 @@ pub struct Calibration {
     /// Metres between the wheels.
     pub track_width_m: Option<Measured>,
     /// What the gyro says for a degree that is turned: 1.02 for one that counts 2 % too much. Only
-    /// where turns were marked.
+    /// where the range sensor or marks told whole turns.
     pub gyro_scale: Option<f64>,
     /// What the range sensor reads too far, metres.
     pub range_bias_m: Option<Measured>,

@@ -72,7 +72,7 @@ impl Estimator {
         history.note(placement);
         let state = EstimatorState {
             odometry: pose,
-            survey: Survey::new(pose),
+            survey: Survey::new(pose, config.geometry.gyro_scale_sd()),
             wheels_heading_rad: pose.heading_rad,
             covariance: uncertainty::at_start(),
             history,

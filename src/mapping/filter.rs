@@ -28,8 +28,8 @@ use std::array;
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
-use super::Pose;
 use super::uncertainty::{self, Covariance};
+use super::{Geometry, Pose};
 
 /// Landmarks at most. Rooms of 5 m have 10 to 24 feet; with more the cost grows with the square.
 pub(super) const LANDMARKS: usize = 20;
@@ -45,9 +45,8 @@ const FIRST: usize = OWN + EACH * KEYFRAMES;
 const SIZE: usize = FIRST + EACH * LANDMARKS;
 const COVARIANCES: usize = SIZE * (SIZE + 1) / 2;
 
-/// Standard deviations of the scales of gyro and wheels before anything was seen: LEGO's gyro is
-/// right to ±3 % or so, `calibrate` measures wheels to one percent.
-const GYRO_SCALE: f32 = 0.015;
+/// Standard deviation of the wheels' scale before anything was seen: `calibrate` measures wheels to
+/// one percent.
 const WHEEL_SCALE: f32 = 0.01;
 /// Variance of the pose before anything moved.
 const START_M2: f32 = 1e-8;
@@ -119,14 +118,15 @@ pub(super) struct Filter {
 
 impl Default for Filter {
     fn default() -> Self {
-        Self::new(Pose::default())
+        Self::new(Pose::default(), Geometry::GYRO_SCALE_SD)
     }
 }
 
 impl Filter {
-    pub(super) fn new(pose: Pose) -> Self {
-        let variances =
-            [START_M2, START_M2, START_RAD2, GYRO_SCALE * GYRO_SCALE, WHEEL_SCALE * WHEEL_SCALE];
+    /// A filter whose gyro counts right to a share.
+    pub(super) fn new(pose: Pose, gyro_scale_sd: f64) -> Self {
+        let gyro_scale_2 = single(gyro_scale_sd * gyro_scale_sd);
+        let variances = [START_M2, START_M2, START_RAD2, gyro_scale_2, WHEEL_SCALE * WHEEL_SCALE];
         let mut covariances = ArrayVec::new();
         for (row, variance) in variances.into_iter().enumerate() {
             covariances.extend((0..row).map(|_| 0.0));

@@ -180,6 +180,11 @@ impl Geometry {
     pub const TRACK_WIDTH_M: RangeInclusive<f64> = 0.01..=1.0;
     /// What a gyro can say for a degree that is turned, degrees.
     pub const GYRO_SCALE: RangeInclusive<f64> = 0.8..=1.25;
+    /// How far the scale of a gyro may be off that was not measured, as a share: a standard
+    /// deviation. People find 1 to 4 % (`lego-sensor-tables`).
+    pub(super) const GYRO_SCALE_SD: f64 = 0.02;
+    /// The same of one that `calibrate` has measured.
+    const MEASURED_GYRO_SCALE_SD: f64 = 0.005;
 
     /// A robot with two driven wheels; its range sensor is mounted as the seed's until
     /// [`Geometry::with_range`] says otherwise.
@@ -266,6 +271,12 @@ impl Geometry {
     /// Radians that the robot turns when one wheel gets ahead of the other by a metre.
     pub(super) fn per_track_width_m(&self) -> f64 {
         self.per_track_width_m
+    }
+
+    /// How far the gyro's scale may be off, as a share: a standard deviation.
+    pub(super) fn gyro_scale_sd(&self) -> f64 {
+        let is_measured = self.per_gyro_scale.to_bits() != 1.0_f64.to_bits();
+        if is_measured { Self::MEASURED_GYRO_SCALE_SD } else { Self::GYRO_SCALE_SD }
     }
 
     /// Degrees that the robot turns when the gyro says one more.

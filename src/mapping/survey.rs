@@ -71,8 +71,8 @@ pub(super) struct Heard<'a> {
 }
 
 impl Survey {
-    pub(super) fn new(pose: Pose) -> Self {
-        Self { landmarks: Landmarks::new(pose), ..Self::default() }
+    pub(super) fn new(pose: Pose, gyro_scale_sd: f64) -> Self {
+        Self { landmarks: Landmarks::new(pose, gyro_scale_sd), ..Self::default() }
     }
 
     pub(super) fn pose(&self) -> Pose {
@@ -235,6 +235,7 @@ impl Surface {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mapping::Geometry;
     use crate::units::radians;
 
     const STEP_NS: i64 = 50_000_000;
@@ -267,7 +268,7 @@ mod tests {
 
     #[test]
     fn the_echoes_of_a_wall_lie_on_it_and_come_a_few_at_a_time() {
-        let mut survey = Survey::new(Pose::default());
+        let mut survey = Survey::new(Pose::default(), Geometry::GYRO_SCALE_SD);
         let echoes = sweep(&mut survey);
         let mut points = Vec::new();
         loop {
@@ -288,7 +289,7 @@ mod tests {
 
     #[test]
     fn what_waits_at_the_end_is_handed_out_and_what_is_too_far_is_not() {
-        let mut survey = Survey::new(Pose::default());
+        let mut survey = Survey::new(Pose::default(), Geometry::GYRO_SCALE_SD);
         for step in 0..5_i32 {
             let bearing_rad = radians(4.3 * f64::from(step));
             let (sin, cos) = libm::sincos(bearing_rad);

@@ -4,10 +4,12 @@ use std::f64::consts::PI;
 
 use crate::behavior::Drive;
 use crate::commissioning::Dialogue;
+use crate::senses::Channel;
 use crate::units::{degrees, radians};
 
 use super::fit::Measured;
 use super::stage::{Ended, Limit, Stage, Standing};
+use super::whole_turn::gyro_scale;
 use super::{CalibrateError, CalibrateOptions, NoAnswer};
 
 /// How fast the robot spins, radians per second: far below the 440 degrees a second at which a gyro
@@ -34,6 +36,10 @@ const SLACK: f64 = 1.5;
 /// What a gyro may be off by without anything on the robot showing it, as a share: people find 1 to
 /// 4 % (`lego-sensor-tables`).
 const GYRO_UNSEEN: f64 = 0.02;
+
+/// So unsure may the gyro's scale be that the range sensor tells, as a share: less than a person's
+/// eye is of two turns.
+const CLEAR: f64 = 0.004;
 
 /// A step of the last correction, radians.
 const STEP_RAD: f64 = 2.0 * PI / 360.0;
@@ -66,14 +72,21 @@ pub(super) fn track_width(
         "The robot will now spin on the spot, to the left and to the right. Does it have a hand's \
          width of space all around?",
     )?;
-    let (mut left, mut right) = (Vec::new(), Vec::new());
+    let (mut widths, mut scales) = ([const { Vec::new() }; 2], [const { Vec::new() }; 2]);
     for _ in 0..options.pairs.unwrap_or(3) {
-        for (way, widths) in [(1.0, &mut left), (-1.0, &mut right)] {
-            let spin = spin_by_gyro(stage, way)?;
-            widths.push(width_m(&spin, circumference_m, spin.gyro_rad()));
+        for (side, way) in [1.0, -1.0].into_iter().enumerate() {
+            let (spin, heard) = spin_by_gyro(stage, way)?;
+            widths[side].push(width_m(&spin, circumference_m, spin.gyro_rad()));
+            scales[side].extend(gyro_scale(&heard));
         }
     }
-    let measured = Measured::of(before_m, [&left, &right]);
+    let [measured, scale] = [(before_m, &widths), (1.0, &scales)]
+        .map(|(before, [left, right])| Measured::of(before, [left, right]));
+    let is_clear = scale.doubt.is_none() && scale.standard_error < CLEAR;
+    if is_clear && options.mark != Some(true) {
+        say_scale(dialogue, scale.after, "by what the range sensor hears again");
+        return Ok((measured.scaled(scale.after, scale.standard_error), Some(scale.after)));
+    }
     if !is_marked(dialogue, options)? {
         let measured = measured.scaled(stage.config().gyro_scale, 0.0);
         return Ok((Measured { unseen: GYRO_UNSEEN, ..measured }, None));
@@ -83,9 +96,13 @@ pub(super) fn track_width(
         left.iter().chain(&right).map(|spin| spin.gyro_rad() / marked_rad(spin)).collect();
     let [a, b] = [scales.first(), scales.last()].map(|scale| scale.copied().unwrap_or(f64::NAN));
     let scale = f64::midpoint(a, b);
-    dialogue.say(&format!("The gyro says {:.1} degrees for a whole turn.", 360.0 * scale));
+    say_scale(dialogue, scale, "by your marks");
     // Of two values, half their distance is the mean's standard error.
     Ok((measured.scaled(scale, ((a - b) / 2.0 / scale).abs()), Some(scale)))
+}
+
+fn say_scale(dialogue: &mut dyn Dialogue, scale: f64, by: &str) {
+    dialogue.say(&format!("The gyro says {:.1} degrees for a whole turn, {by}.", 360.0 * scale));
 }
 
 fn is_marked(dialogue: &mut dyn Dialogue, options: &CalibrateOptions) -> Result<bool, NoAnswer> {
@@ -127,12 +144,16 @@ fn width_m(spin: &Spin, circumference_m: f64, turned_rad: f64) -> f64 {
     circumference_m * spin.from.apart_rad(&spin.to) / (2.0 * PI * turned_rad)
 }
 
-fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<Spin, CalibrateError> {
+/// A spin, and what was heard meanwhile, for [`gyro_scale`].
+fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<(Spin, Vec<[f64; 2]>), CalibrateError> {
     let from = stage.rest()?;
     let wanted_rad = GYRO_TURNS * 2.0 * PI;
     let limit = limit(stage, wanted_rad, SPIN_RAD_S);
-    let ended = stage.drive(spinning(way * SPIN_RAD_S), limit, |now, _| {
-        way * Spin { from, to: *now, way }.gyro_rad() >= wanted_rad
+    let mut heard = Vec::new();
+    let ended = stage.drive(spinning(way * SPIN_RAD_S), limit, |now, senses| {
+        let turned_rad = way * Spin { from, to: *now, way }.gyro_rad();
+        heard.extend(senses.get(Channel::Range).map(|reading| [turned_rad, reading.value]));
+        turned_rad >= wanted_rad
     })?;
     let to = stage.rest()?;
     let spin = Spin { from, to, way };
@@ -146,7 +167,7 @@ fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<Spin, CalibrateError>
             degrees(spin.gyro_rad())
         )));
     }
-    Ok(spin)
+    Ok((spin, heard))
 }
 
 /// Spins that a person marks, in both directions.

@@ -173,15 +173,35 @@ fn wrong_numbers_end_near_the_true_ones_at_a_wall_and_by_gyro_and_marks() {
 #[test]
 fn the_gyro_alone_does_as_well_as_the_gyro_itself() {
     for seed in seeds(5) {
-        for (circumference, track) in WRONG {
-            // Nothing on the robot sees the gyro's own scale, so this one counts truly.
-            let bench = Bench::new("[robot.errors]\ngyro_scale_sd = 0.0\n", seed);
-            let robot = wrong(circumference, track, true);
-            let options = CalibrateOptions { mark: Some(false), ..CalibrateOptions::default() };
-            let calibration = measure(&bench, &robot, &options).unwrap();
-            assert_near(&format!("wall, gyro, seed {seed}"), &bench, &robot, &calibration);
+        // Nothing on a robot without ears sees the gyro's own scale, so this one counts truly.
+        let bench = Bench::new("[robot.errors]\ngyro_scale_sd = 0.0\n", seed);
+        let robot = wrong(1.0, 1.1, true);
+        let robot = Source { text: cut(&robot.text, "[range]"), ..robot };
+        let options =
+            CalibrateOptions { mark: Some(false), straight: None, ..CalibrateOptions::default() };
+        let calibration = measure(&bench, &robot, &options).unwrap();
+        assert_near(&format!("gyro, seed {seed}"), &bench, &robot, &calibration);
+        let track = calibration.track_width_m.unwrap();
+        assert!(track.to_string().contains("off together by 2 %"), "{track}");
+    }
+}
+
+#[test]
+fn what_the_range_sensor_hears_again_takes_out_what_the_gyro_counts_too_much() {
+    for seed in seeds(5) {
+        for off in [-0.04, 0.0, 0.03] {
+            let errors = format!("[robot.errors]\ngyro_scale_sd = 0.0\ngyro_scale = {off:.2}\n");
+            let bench = Bench::new(&errors, seed);
+            let robot = wrong(1.0, 1.1, true);
+            let mut person = Measurer::new(&bench);
+            let options = CalibrateOptions { straight: None, ..CalibrateOptions::default() };
+            let calibration = measure_with(&bench, &robot, &options, &mut person).unwrap();
+            let scale = calibration.gyro_scale.unwrap();
+            assert!((scale - 1.0 - off).abs() < 0.005, "{scale} where the gyro is off by {off}");
             let track = calibration.track_width_m.unwrap();
-            assert!(track.to_string().contains("off together by 2 %"), "{track}");
+            let error = track.after / bench.model.track_width_m - 1.0;
+            assert!(error.abs() < 0.01 && track.unseen == 0.0, "seed {seed}, {off}: {track}");
+            assert!(!person.told.iter().any(|told| told.contains("line on the floor")));
         }
     }
 }
@@ -343,12 +363,11 @@ fn a_wall_that_is_lost_on_the_way_is_no_wall_that_was_never_there() {
     bench.assert_still();
 }
 
-/// The shipped robot's file without one of its sections.
-fn without(section: &str) -> RobotConfig {
-    let start = DEFAULT_ROBOT.find(section).unwrap();
-    let length = DEFAULT_ROBOT[start + 1..].find("\n[").unwrap();
-    let text = [&DEFAULT_ROBOT[..start], &DEFAULT_ROBOT[start + 1 + length..]].concat();
-    load(&Source { name: "robot.toml".to_owned(), text })
+/// A robot's file without one of its sections.
+fn cut(robot: &str, section: &str) -> String {
+    let start = robot.find(section).unwrap();
+    let length = robot[start + 1..].find("\n[").unwrap();
+    [&robot[..start], &robot[start + 1 + length..]].concat()
 }
 
 #[test]
@@ -358,7 +377,8 @@ fn a_robot_without_the_sensor_is_refused_by_its_name_and_no_plug_is_blamed() {
     for (section, options) in [("[gyro]", no_marks), ("[range]", own_echoes)] {
         let bench = Bench::new("", 1);
         let mut person = Measurer::new(&bench);
-        let robot = without(section);
+        let text = cut(DEFAULT_ROBOT, section);
+        let robot = load(&Source { name: "robot.toml".to_owned(), text });
         let error =
             calibrate(&bench.tree, &*bench.clock, &bench.flags, &mut person, &robot, &options)
                 .unwrap_err();
