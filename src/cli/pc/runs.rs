@@ -20,6 +20,9 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let asking = arguments.bricks.asking(Unnamed::All)?;
     let answers = asking.ask(|client, _| client.runs());
     conclude(answers, output, |output, brick, runs| {
+        if runs.runs.is_empty() {
+            output.line(format!("{}: no run is there yet", brick.name));
+        }
         for run in &runs.runs {
             output.line(format!("{}  {}", brick.name, line(run)));
         }

@@ -72,6 +72,7 @@ fn from_pairing_to_the_map() {
     assert!(service.says(&["status"], "ready").starts_with("sim  ready  "));
     service.says(&["missions", "sim"], "sim  map  120 s");
     service.says(&["identify", "sim"], "beeps");
+    assert_eq!(service.done(&["runs", "sim"]).trim_end(), "sim: no run is there yet");
     assert!(service.says(&["start", "map", "sim"], "started").starts_with("sim: started map-"));
     let status = service.until_it_drives();
     assert!(status.contains("started by anna"), "{status}");
