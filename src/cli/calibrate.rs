@@ -19,8 +19,8 @@ use crate::runtime::HardwareLock;
 ///
 /// The robot drives before a wall (or a metre that you measure) and spins on the spot, in both
 /// directions, at best in a corner or between things: there its range sensor tells a whole turn,
-/// and with it what the gyro counts too much. Nothing is written where the measurements are not sure enough. Ctrl-C, and a
-/// button on the brick, stop it at once.
+/// and with it what the gyro counts too much. Nothing is written where the measurements are not
+/// sure enough. Ctrl-C, and a button on the brick, stop it at once.
 ///
 /// With `--only range` it measures what the range sensor reads too far: have a measuring tape at
 /// hand. With `--only own-echoes` it finds where that sensor hears the robot itself.
@@ -140,8 +140,8 @@ fn options(arguments: &Arguments) -> CalibrateOptions {
     }
 }
 
-/// What was found before anything moved is a refusal; what went wrong on the way is a failure, as is
-/// every end of the answers, which does not tell whether a motor has turned.
+/// What was found before anything moved is a refusal; what went wrong on the way is a failure, as
+/// is every end of the answers, which does not tell whether a motor has turned.
 fn failed(error: &CalibrateError) -> Failure {
     let exit = match error {
         CalibrateError::Lost { .. }
