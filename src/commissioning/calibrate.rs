@@ -31,8 +31,8 @@
 //! - Every motion is a lease, bounded in angle and in time; Ctrl-C and the brick's buttons stop it
 //!   at once.
 //! - The gyro's scale is off by 1 to 4 % from one sensor to the next. Where all around is far away
-//!   or alike, no sensor can see that: a turn that a person marks can. It is measured with the track
-//!   width, and written.
+//!   or alike, no sensor can see that: a turn that a person marks can. It is measured with the
+//!   track width, and written.
 //! - The wall is plain and square to the way; at 5 degrees off, the circumference comes out 0.4 %
 //!   too small.
 

@@ -55,8 +55,8 @@
 //! Each driving by itself, in the same rooms: 3.05 and 2.94 cm, 50 and 34 runs, 88.6 and 89.1 %.
 //! What is left is the gyro's scale: where that is off by 2 % it takes 200 s to be found. With one
 //! that `calibrate` measured, off by 0.4 %: 2.1 cm, 9 runs, 90.0 % and 74.2 %. With one that is off
-//! by 3 % and was not measured: 83.9 % within 5 cm, and 81.6 % when it was taken to be right to 1.5 %
-//! ([`Geometry`](super::Geometry)).
+//! by 3 % and was not measured: 83.9 % within 5 cm, and 81.6 % when it was taken to be right to
+//! 1.5 % ([`Geometry`](super::Geometry)).
 //!
 //! # Not here
 //!

@@ -1,5 +1,5 @@
-//! A whole turn by what the range sensor hears: when a robot spins on the spot, the same echoes come
-//! again after 360 degrees, whatever its gyro counts.
+//! A whole turn by what the range sensor hears: when a robot spins on the spot, the same echoes
+//! come again after 360 degrees, whatever its gyro counts.
 //!
 //! The period is where the readings over the gyro's angle differ least from those one turn and two
 //! turns later (the average magnitude difference function; Ross et al., *Average Magnitude
@@ -15,8 +15,8 @@
 use super::fit::median;
 use crate::units::{count, degrees};
 
-/// Readings beyond this, and missing echoes, count as this, metres: a wall that is far away is heard
-/// in one turn and not in the next.
+/// Readings beyond this, and missing echoes, count as this, metres: a wall that is far away is
+/// heard in one turn and not in the next.
 const FAR_M: f64 = 1.5;
 /// Two readings differ by no more than this, metres: one that is wrong says no more.
 const DIFFERENT_M: f64 = 0.3;
@@ -114,15 +114,20 @@ mod tests {
     proptest! {
         #[test]
         fn what_a_gyro_counts_for_a_whole_turn_is_heard(
-            gyro in 0.95..1.05_f64, x_m in -0.5..0.5_f64, y_m in -0.4..0.4_f64, start in 0.0..6.0_f64,
+            gyro in 0.95..1.05_f64,
+            x_m in -0.5..0.5_f64,
+            y_m in -0.4..0.4_f64,
+            start_rad in 0.0..6.0_f64,
         ) {
-            let heard = spin(gyro, |turned_rad| wall_m([x_m, y_m], start + turned_rad));
+            let heard = spin(gyro, |turned_rad| wall_m([x_m, y_m], start_rad + turned_rad));
             let scale = gyro_scale(&heard);
             prop_assert!(scale.is_some_and(|scale| (scale - gyro).abs() < 0.004), "{scale:?}");
         }
 
         #[test]
-        fn any_readings_are_survived(heard in prop::collection::vec(prop::array::uniform2(prop::num::f64::ANY), 0..50)) {
+        fn any_readings_are_survived(
+            heard in prop::collection::vec(prop::array::uniform2(prop::num::f64::ANY), 0..50),
+        ) {
             let scale = gyro_scale(&heard);
             prop_assert!(scale.is_none_or(|scale| (scale - 1.0).abs() < MOST));
         }
