@@ -273,10 +273,14 @@ impl Geometry {
         self.per_track_width_m
     }
 
+    /// Whether the gyro's scale was measured.
+    pub(crate) fn knows_gyro_scale(&self) -> bool {
+        self.per_gyro_scale.to_bits() != 1.0_f64.to_bits()
+    }
+
     /// How far the gyro's scale may be off, as a share: a standard deviation.
     pub(super) fn gyro_scale_sd(&self) -> f64 {
-        let is_measured = self.per_gyro_scale.to_bits() != 1.0_f64.to_bits();
-        if is_measured { Self::MEASURED_GYRO_SCALE_SD } else { Self::GYRO_SCALE_SD }
+        if self.knows_gyro_scale() { Self::MEASURED_GYRO_SCALE_SD } else { Self::GYRO_SCALE_SD }
     }
 
     /// Degrees that the robot turns when the gyro says one more.

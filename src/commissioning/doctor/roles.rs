@@ -9,7 +9,7 @@ use crate::runtime::GYRO_STILL_RAD;
 use crate::senses::{Role, Unit};
 use crate::units::degrees;
 
-use super::{Diagnosis, Examination, with_causes};
+use super::{Diagnosis, Examination, Verdict, with_causes};
 
 /// How long sensors are watched, nanoseconds: a gyro that drifts is seen in a second.
 const WATCH_NS: i64 = SECOND_NS;
@@ -37,7 +37,11 @@ pub(super) fn file(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
                     warning.hint.as_deref().unwrap_or("look at this line"),
                 );
             }
-            diagnosis.ok(CHECK, format!("{} describes \"{}\"", source.name, config.name));
+            let is_measured = config.geometry().is_ok_and(|robot| robot.knows_gyro_scale());
+            let to_do = (config.has(Role::Gyro) && !is_measured)
+                .then_some("for better maps onbrick calibrate measures what the gyro counts");
+            let found = format!("{} describes \"{}\"", source.name, config.name);
+            diagnosis.add(CHECK, Verdict::Ok, found, to_do);
             examination.config = Some(config);
         }
         Err(findings) => {

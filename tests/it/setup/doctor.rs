@@ -127,9 +127,19 @@ fn a_good_brick_is_in_order_and_nothing_moves() {
     ] {
         line(&diagnosis, check, Verdict::Ok);
     }
+    assert!(line(&diagnosis, "robot.toml", Verdict::Ok).contains("-> for better maps"));
     assert_eq!(before.wheels_rad, bench.truth().wheels_rad);
     let writes = bench.simulation.take_writes();
     assert!(writes.iter().all(|write| !write.path.contains("motor")), "{writes:?}");
+}
+
+#[test]
+fn a_robot_whose_gyro_was_measured_is_not_told_to_calibrate() {
+    let bench = Bench::new("", 1);
+    let text = DEFAULT_ROBOT.replacen("# scale = 1.0 ", "scale = 1.02 ", 1);
+    let robot = Source { text, ..shipped() };
+    let diagnosis = look(&bench, |around| around.robot = Ok(robot));
+    assert!(!line(&diagnosis, "robot.toml", Verdict::Ok).contains("->"));
 }
 
 #[test]
