@@ -347,6 +347,27 @@ fn figures_of_explore_in_rooms_that_chance_draws() {
     assert!(4 * summary.collisions <= usize::try_from(rooms).unwrap(), "collisions");
 }
 
+#[test]
+#[cfg_attr(target_arch = "arm", ignore = "long runs, the same bits as on a PC")]
+fn what_it_is_worth_to_measure_a_gyro() {
+    print_head();
+    let off = "\n[robot.errors]\ngyro_scale = 0.03\ngyro_scale_sd = 0.0\n";
+    let rooms = if is_long() { 40 } else { 4 };
+    let as_usual = robot();
+    let measured = as_usual.replacen("# scale = 1.0 ", "scale = 1.03 ", 1);
+    assert_ne!(measured, as_usual);
+    let [as_usual, measured] =
+        [("3 % off", as_usual), ("measured", measured)].map(|(name, robot)| {
+            let explored = |number| {
+                let text = format!("{}{off}", room(number));
+                explored_with(&robot, "room", &text, number, 600.0)
+            };
+            summary(&format!("gyro {name}"), explored, rooms)
+        });
+    assert!(measured.near[3] > as_usual.near[3] + 0.02, "{:?} {:?}", measured.near, as_usual.near);
+    assert!(measured.near[3] > 0.92 && as_usual.near[3] > 0.8, "points as turned");
+}
+
 fn is_long() -> bool {
     std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1")
 }
