@@ -164,7 +164,8 @@ fn wrong_numbers_end_near_the_true_ones_at_a_wall_and_by_gyro_and_marks() {
         for (circumference, track) in WRONG {
             let bench = Bench::new("", seed);
             let robot = wrong(circumference, track, true);
-            let calibration = measure(&bench, &robot, &CalibrateOptions::default()).unwrap();
+            let options = CalibrateOptions { mark: Some(true), ..CalibrateOptions::default() };
+            let calibration = measure(&bench, &robot, &options).unwrap();
             assert_near(&format!("wall, gyro, marks, seed {seed}"), &bench, &robot, &calibration);
         }
     }
