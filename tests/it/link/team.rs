@@ -313,7 +313,8 @@ fn a_team_of_which_one_is_not_ready_does_not_start_at_all_and_says_why() {
     }
     assert!(!team.path("onbrick-team").exists(), "nothing was started");
     for name in ["blue", "green", "other", "broken", "flat"] {
-        assert!(text(&team.pc(&["runs", name]).stdout).is_empty(), "{name} has a run");
+        let runs = text(&team.pc(&["runs", name]).stdout);
+        assert_eq!(runs, format!("{name}: no run is there yet\n"));
     }
     // The same table by itself, and those that are ready alone.
     team.write("short", &poses[..7]);
@@ -448,7 +449,8 @@ fn a_teams_file_with_mistakes_is_refused_with_their_places_and_its_bricks_are_me
     let said = team.said(&team.pc(&["team", "team.toml", "--out", "monday"]), 3);
     assert!(said.contains("monday/team.mcap is there already"), "{said}");
     assert!(said.contains("another folder for --out"), "{said}");
-    assert!(text(&team.pc(&["runs", "blue"]).stdout).is_empty(), "nothing was started");
+    let runs = text(&team.pc(&["runs", "blue"]).stdout);
+    assert_eq!(runs, "blue: no run is there yet\n", "nothing was started");
     let file =
         text(&std::fs::read(team.path("team.toml")).unwrap()).replace("mission = \"map\"\n", "");
     std::fs::write(team.path("team.toml"), file).unwrap();
