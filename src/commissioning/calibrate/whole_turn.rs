@@ -37,10 +37,11 @@ const DEEP: f64 = 0.6;
 ///   the sensor said there, metres.
 pub(super) fn gyro_scale(heard: &[[f64; 2]]) -> Option<f64> {
     let profile_m = by_degree(heard);
-    let places =
-        || (0..).map(|at| 1.0 - MOST + STEP * f64::from(at)).take_while(|at| *at < 1.0 + MOST);
-    let tried: Vec<[f64; 2]> =
-        places().filter_map(|scale| Some([scale, difference_m(&profile_m, scale)?])).collect();
+    let tried: Vec<[f64; 2]> = (0..)
+        .map(|step| 1.0 - MOST + STEP * f64::from(step))
+        .take_while(|scale| *scale < 1.0 + MOST)
+        .filter_map(|scale| Some([scale, difference_m(&profile_m, scale)?]))
+        .collect();
     let lowest = tried.iter().copied().min_by(|one, other| one[1].total_cmp(&other[1]))?;
     let differences: Vec<f64> = tried.iter().map(|[_, difference_m]| *difference_m).collect();
     let median_m = median(differences)?;
