@@ -44,8 +44,8 @@ impl RunFolder {
         Self::make(out, "team.mcap", &DRAWN, |number| first_plain("onbrick-team", number))
     }
 
-    /// Creates the folder if missing; refuses one in which something is there already of what is
-    /// going to be written: the recording, and `more`.
+    /// Creates the folder if missing; refuses one whose path is not UTF-8, and one in which
+    /// something is there already of what is going to be written: the recording, and `more`.
     fn make(
         out: Option<&Path>,
         name: &'static str,
@@ -61,6 +61,13 @@ impl RunFolder {
             .context(Exit::Refused, format_args!("cannot make {}", folder.display()))
             .hint("--out with a folder that can be written to")?;
         let run_folder = Self { path, name, made };
+        // The processes of a run tell each other its place in JSON, which is UTF-8.
+        if run_folder.path.to_str().is_none() {
+            run_folder.take_back();
+            let place = run_folder.path.display();
+            return Err(Failure::new(Exit::Usage, format!("the path {place} is not UTF-8"))
+                .hint("--out with a folder whose whole path is UTF-8"));
+        }
         let mut files =
             [&[name][..], more].concat().into_iter().map(|name| run_folder.path.join(name));
         match files.find(|file| file.exists()) {
@@ -130,5 +137,14 @@ mod tests {
             assert!(refused.message.ends_with("points.csv is there already"), "{refused:?}");
         }
         assert!(RunFolder::of_mission(Some(folder.path()), "map").is_ok());
+    }
+
+    #[test]
+    fn a_path_that_is_not_utf_8_is_refused_and_nothing_is_left_there() {
+        use std::os::unix::ffi::OsStrExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join(std::ffi::OsStr::from_bytes(b"\xff"));
+        let refused = RunFolder::of_mission(Some(&out), "map").err().unwrap();
+        assert!(refused.exit == Exit::Usage && !out.exists(), "{refused:?}");
     }
 }
