@@ -37,7 +37,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let flags = stop_flags()?;
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
     let robot = match chosen_robot(arguments.robot.as_deref(), output) {
-        Some(path) => read_robot(&path).map_err(|failure| failure.message),
+        Some(path) => read_robot(&path),
         None => {
             output.line("with the shipped robot, the mapper: there is no robot.toml here");
             Ok(Source { name: "mapper.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() })
@@ -47,7 +47,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         tree: &tree,
         clock: &MonotonicClock,
         flags: &flags,
-        robot: robot.as_ref().map_err(String::as_str),
+        robot: robot.as_ref().map_err(|failure| {
+            let to_do = failure.hint.as_deref();
+            (failure.message.as_str(), to_do.unwrap_or("onbrick setup writes one"))
+        }),
         root: Some(arguments.brick.root()),
         recordings: &arguments.recordings,
         missions: arguments.missions.as_deref(),

@@ -40,8 +40,8 @@ pub struct Patient<'p> {
     pub clock: &'p dyn Clock,
     /// Who asks to stop: the report then ends early and says so.
     pub flags: &'p StopFlags,
-    /// The robot's file as it was read, or why it could not be.
-    pub robot: Result<&'p Source, &'p str>,
+    /// The robot's file as it was read, or why it could not be, and what to do then.
+    pub robot: Result<&'p Source, (&'p str, &'p str)>,
     /// The brick's root in the file system, which the hardware lock goes by; `None` for a brick
     /// inside this process.
     pub root: Option<&'p Path>,

@@ -25,7 +25,7 @@ pub(super) fn file(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
     const CHECK: &str = "robot.toml";
     let source = match examination.patient.robot {
         Ok(source) => source,
-        Err(why) => return diagnosis.fail(CHECK, why, "onbrick setup writes one"),
+        Err((why, to_do)) => return diagnosis.fail(CHECK, why, to_do),
     };
     match source.robot() {
         Ok((config, warnings)) => {

@@ -42,7 +42,7 @@ fn look(bench: &Bench, change: impl FnOnce(&mut Around)) -> Diagnosis {
         tree: &bench.tree,
         clock: &*bench.clock,
         flags: &bench.flags,
-        robot: around.robot.as_ref().map_err(String::as_str),
+        robot: around.robot.as_ref().map_err(|why| (why.as_str(), "onbrick setup")),
         root: around.root.as_deref(),
         recordings: &around.recordings,
         missions: around.missions.as_deref(),
