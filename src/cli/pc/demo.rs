@@ -60,6 +60,7 @@ const NEAR_M: f64 = 0.05;
 /// How good a map is, against what only a simulation knows.
 #[derive(Debug, Serialize)]
 struct Quality {
+    /// Without those that the rest of the run contradicts: as they are drawn.
     points: usize,
     /// Distance from the points to the nearest wall, metres; none without points or without walls.
     wall_median_m: Option<f64>,
@@ -119,7 +120,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
              pose: {:.1} cm and {:.1} degrees from the true one at the end, after {:.2} m; \
              {:.1} cm and {:.1} degrees at most\n\
              wrote run.mcap, map.svg, map.png, points.csv and path.csv to {}",
-            counted(quality.points, "point"),
+            of_all(quality.points, loaded.run.points.len()),
             from_walls(&quality),
             covered_walls(&quality),
             quality.pose_error_m * 100.0,
@@ -136,6 +137,15 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     } else {
         Err(Failure::new(Exit::Failed, ended.stop.to_string()))
     }
+}
+
+/// How many points are drawn, and why not all.
+fn of_all(drawn: usize, all: usize) -> String {
+    let of_all = counted(all, "point");
+    if drawn == all {
+        return of_all;
+    }
+    format!("{drawn} of {of_all} (the others contradict the rest of the run)")
 }
 
 /// How far the points are from the walls, as far as there are both.
