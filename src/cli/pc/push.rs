@@ -4,6 +4,7 @@
 //! is ssh, with its keys, its passwords and its configuration, and the brick needs nothing but a
 //! shell. A file is either the old one or the whole new one, whatever happens on the way.
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -55,6 +56,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let host = as_robot(&host);
     let parcels =
         arguments.missions.iter().map(|path| parcel(path)).collect::<Result<Vec<_>, _>>()?;
+    differ(&parcels)?;
     const OPENSSH: &str = "the package openssh-client has the program ssh";
     // One connection for all, so that a password is asked for once.
     let mut ssh = Command::new("ssh")
@@ -104,6 +106,16 @@ fn parcel(path: &std::path::Path) -> Result<Parcel, Failure> {
         .hint("letters, digits, - and _, and .toml at the end: my-mission.toml"));
     }
     Ok(Parcel { name: name.to_owned(), text: source.text })
+}
+
+/// Refuses two files of one name, of which the brick would keep the second.
+fn differ(parcels: &[Parcel]) -> Result<(), Failure> {
+    let mut names = BTreeSet::new();
+    match parcels.iter().find(|parcel| !names.insert(parcel.name.as_str())) {
+        Some(twice) => Err(Failure::refused(format!("two of the files are called {}", twice.name))
+            .hint("another name for one of them")),
+        None => Ok(()),
+    }
 }
 
 /// What the brick's shell does with the texts that follow one another on its input. Names are
@@ -162,6 +174,13 @@ mod tests {
         for bad in ["-oProxyCommand=x", "", "a b"] {
             assert!(host(bad).is_err(), "{bad:?}");
         }
+    }
+
+    #[test]
+    fn two_files_of_one_name_are_refused() {
+        let parcel = || Parcel { name: "one.toml".to_owned(), text: String::new() };
+        let refused = differ(&[parcel(), parcel()]).unwrap_err();
+        assert_eq!(refused.message, "two of the files are called one.toml");
     }
 
     #[test]
