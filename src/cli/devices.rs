@@ -54,7 +54,8 @@ fn table(inventory: &Inventory) -> String {
         let port = Platform::short(&entry.address);
         let name = if entry.driver.is_empty() { entry.class } else { &entry.driver };
         let mut readings = String::new();
-        for reading in &entry.readings {
+        // The state of a motor at rest is empty.
+        for reading in entry.readings.iter().filter(|reading| !reading.value.is_empty()) {
             let _ = write!(readings, "  {} {}{}", reading.name, reading.value, unit(&reading.unit));
         }
         let problem =
