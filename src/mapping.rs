@@ -80,6 +80,7 @@ mod sweep;
 mod uncertainty;
 mod walls;
 mod wheels;
+pub(crate) mod whole_turn;
 
 pub use align::{Misfit, Testimony, align, has_enough, testimonies};
 pub use crossings::crossings;

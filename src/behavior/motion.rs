@@ -41,6 +41,9 @@ pub struct MotionLimits {
     pub head_max_rad_s: f64,
     /// The range sensor, ahead of the middle between the wheels, metres.
     pub range_ahead_m: f64,
+    /// Whether exploring begins with two turns on the spot, by which the estimator finds out what
+    /// the gyro counts for a turn.
+    pub spins_first: bool,
 }
 
 impl Default for MotionLimits {
@@ -55,6 +58,7 @@ impl Default for MotionLimits {
             head_rad: FRAC_PI_2,
             head_max_rad_s: FRAC_PI_2,
             range_ahead_m: 0.05,
+            spins_first: false,
         }
     }
 }

@@ -145,6 +145,8 @@ pub struct NavigationState {
     head_left: bool,
     /// The next turn round is to the left.
     turns_left: bool,
+    /// It has made the turns that exploring begins with.
+    has_spun: bool,
     /// It comes nearer to things than it should, as there is no other way.
     is_tight: bool,
     /// How often it has doubted the map, and tried once more what it tried before.
@@ -221,8 +223,8 @@ impl NavigationState {
 
     /// Nothing under way; requests count on.
     pub(super) fn reset(&mut self) {
-        let Self { serial, turns_left, head_left, first_rad, .. } = *self;
-        *self = Self { serial, turns_left, head_left, first_rad, ..Self::default() };
+        let Self { serial, turns_left, has_spun, head_left, first_rad, .. } = *self;
+        *self = Self { serial, turns_left, has_spun, head_left, first_rad, ..Self::default() };
         self.plan.serial = serial;
     }
 
@@ -261,7 +263,7 @@ impl NavigationState {
         let drive = match self.phase {
             Phase::Begin => {
                 match order.goal {
-                    Goal::Explore { .. } => self.look_round(&tick, motion),
+                    Goal::Explore { .. } => self.look_first(&tick, motion),
                     Goal::Place { .. } => self.ask(&tick, None, None),
                 }
                 Drive::STILL

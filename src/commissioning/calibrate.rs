@@ -13,7 +13,7 @@
 //!   so `b = c (φ_right - φ_left) / (2π θ)`, with θ from the gyro, or from a person who says when
 //!   the robot stands along a line again.
 //! - **Gyro scale**: what the gyro says for a whole turn, which the range sensor tells, as it hears
-//!   the same again (`whole_turn`), or a person who marks turns.
+//!   the same again (`mapping::whole_turn`), or a person who marks turns.
 //! - **Range**: before a wall whose distance a person has measured, `reading = bias + scale ·
 //!   distance`, with the distance from the wheels' way.
 //! - **Own echoes**: readings that stay at an angle of the head while the robot turns.
@@ -44,6 +44,7 @@ use crate::clock::Clock;
 use crate::document::Findings;
 use crate::ev3dev::{Tree, UltrasonicSensor};
 use crate::mapping::Geometry;
+
 use crate::robot::{BindError, Robot, RobotConfig, equip};
 use crate::senses::{Channel, Role};
 use crate::units::rounded_to;
@@ -57,7 +58,6 @@ mod range;
 mod stage;
 mod straight;
 mod turns;
-mod whole_turn;
 
 pub use edit::{EditError, set_values};
 pub use fit::{Doubt, Kind, Measured};

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::drift::{DriftWatch, Turned};
 use super::filter::Step;
-use super::geometry::{EstimatorConfig, Method};
+use super::geometry::{EstimatorConfig, Geometry, Method};
 use super::gyro::{GyroInput, GyroState};
 use super::history::{History, Placement};
 use super::keyframes::KeyframeList;
@@ -15,12 +15,16 @@ use super::sounding::{Schedule, Sounding};
 use super::survey::{Heard, Survey};
 use super::uncertainty::{self, Covariance};
 use super::wheels::{WheelStep, WheelsState};
+use super::whole_turn::SpinWatch;
 use super::{Estimate, Events, Inputs, MapPoint, Pose, Range, RangeReading};
 use crate::clock::seconds_nearly;
 
 /// Speeds are smoothed over this: a whole degree of a wheel in a tick of 10 ms would else be 5
 /// cm/s.
 pub(super) const SPEED_MEMORY_S: f64 = 0.1;
+
+/// A head that is nearer to straight ahead than this looks there, radians: 6°.
+const STRAIGHT_RAD: f64 = 0.105;
 
 /// Within this a correction of the pose is half to two thirds told.
 const SETTLE_S: f64 = 0.3;
@@ -50,6 +54,7 @@ pub struct EstimatorState {
     near: RangeFilter,
     schedule: Schedule,
     survey: Survey,
+    spin: SpinWatch,
     /// What the pose that is told is still behind by after corrections.
     unsettled: Pose,
 }
@@ -162,7 +167,7 @@ impl Estimator {
         let inputs =
             Inputs { range: inputs.range.and_then(|range| self.heard(&inputs, range)), ..inputs };
         let range = self.understand(&inputs);
-        let sounding = range.and_then(|range| self.sound(&inputs, range));
+        let sounding = range.and_then(|range| self.sound(&inputs, range, &mut events));
         let placed = self.state.survey.placed();
         Estimate {
             time_ns: inputs.time_ns,
@@ -277,9 +282,32 @@ impl Estimator {
         let Some(drift) = self.state.drift.update(turned, per_track_width_m) else { return };
         let by_rad_s = self.state.gyro.drifts(drift);
         if by_rad_s != 0.0 && self.config.method == Method::Default {
-            let correction = self.state.survey.rebias(by_rad_s);
+            let correction = self.state.survey.correct(|filter| filter.rebias(by_rad_s));
             self.correct(&correction);
         }
+    }
+
+    /// Tells the gyro's scale by whole turns; takes the reading of a time.
+    fn watch_spin(&mut self, time_ns: i64, range: Range, events: &mut Events) {
+        let Placement { pose, head_rad, .. } = self.state.history.at(time_ns);
+        // Landmarks correct the pose, and must have no say here.
+        let since_rad = self.pose().heading_rad - pose.heading_rad;
+        let odometry = &self.state.odometry;
+        let at = Pose { heading_rad: odometry.heading_rad - since_rad, ..*odometry };
+        let head_rad = head_rad.filter(|_| self.config.geometry.range().on_head);
+        let is_straight = head_rad.is_none_or(|head_rad| head_rad.abs() < STRAIGHT_RAD);
+        let range_m = match range {
+            Range::Echo(range_m) => range_m,
+            Range::NoEcho => f64::INFINITY,
+            Range::TooNear => 0.0,
+        };
+        let Some(scale) = self.state.spin.take(&at, is_straight, range_m) else { return };
+        *events |= Events::WHOLE_TURN;
+        let off = 1.0 / scale - 1.0;
+        let deviation = Geometry::MEASURED_GYRO_SCALE_SD;
+        let correction =
+            self.state.survey.correct(|filter| filter.observe_gyro_scale(off, deviation));
+        self.correct(&correction);
     }
 
     /// Follows a correction of the pose.
@@ -367,7 +395,7 @@ impl Estimator {
     }
 
     /// Places the reading, if it is to be placed in this tick.
-    fn sound(&mut self, inputs: &Inputs, range: Range) -> Option<Sounding> {
+    fn sound(&mut self, inputs: &Inputs, range: Range, events: &mut Events) -> Option<Sounding> {
         let due_ns = self.state.schedule.due(inputs.time_ns, inputs.range?.changed_ns);
         let (time_ns, fresh) = match (self.config.method, due_ns) {
             (Method::Seed, due_ns) => (inputs.time_ns, due_ns.is_some()),
@@ -375,6 +403,9 @@ impl Estimator {
                 (due_ns?.saturating_sub(self.config.geometry.range().latency_ns), true)
             }
         };
+        if self.config.method == Method::Default {
+            self.watch_spin(time_ns, range, events);
+        }
         let placement = self.state.history.at(time_ns);
         let beam = self.beam(&placement)?;
         let mount = self.config.geometry.range();

@@ -35,9 +35,11 @@ impl Events {
     pub const STILL: Self = Self(1 << 7);
     /// The update's time was earlier than that of the one before.
     pub const TIME_BACKWARDS: Self = Self(1 << 8);
+    /// Two turns on the spot have told the gyro's scale, and the pose was corrected by it.
+    pub const WHOLE_TURN: Self = Self(1 << 9);
 
     /// Every flag with its name.
-    pub const ALL: [(Self, &'static str); 9] = [
+    pub const ALL: [(Self, &'static str); 10] = [
         (Self::SLIP, "slip"),
         (Self::GYRO_RESET, "gyro_reset"),
         (Self::GYRO_SATURATED, "gyro_saturated"),
@@ -47,6 +49,7 @@ impl Events {
         (Self::INPUT_REFUSED, "input_refused"),
         (Self::STILL, "still"),
         (Self::TIME_BACKWARDS, "time_backwards"),
+        (Self::WHOLE_TURN, "whole_turn"),
     ];
 
     /// The flags as bits, for a recording.

@@ -271,14 +271,39 @@ impl Filter {
     ) {
         let Some(inverse) = inverse(covariance) else { return };
         let rows = rows_of(landmark);
-        let size = self.size();
-        // P Hᵀ, and the gain P Hᵀ S⁻¹.
-        let mut shared: ArrayVec<[f32; 2], SIZE> = ArrayVec::new();
-        for row in 0..size {
+        let shared = (0..self.size()).map(|row| {
             let of = rows.map(|column| self.covariance(row, column));
-            shared.push(by.map(|by| dot(&by, &of)));
-        }
+            by.map(|by| dot(&by, &of))
+        });
+        let shared = shared.collect();
         let by_bias = by.map(|by| dot(&by, &rows.map(|row| self.bias_derivative(row))));
+        self.update(&shared, innovation, by_bias, inverse);
+    }
+
+    /// Takes a measurement of the share by which the gyro's scale is off.
+    ///
+    /// - `deviation`: of that, a standard deviation.
+    pub(super) fn observe_gyro_scale(&mut self, off: f64, deviation: f64) {
+        self.settle();
+        let innovation = [single(off - self.scales[0]), 0.0];
+        let variance = self.covariance(POSE, POSE) + single(deviation * deviation);
+        let shared = (0..self.size()).map(|row| [-self.covariance(row, POSE), 0.0]).collect();
+        let by_bias = [-self.bias_derivative(POSE), 0.0];
+        self.update(&shared, innovation, by_bias, [1.0 / variance, 0.0, 0.0]);
+    }
+
+    /// The Kalman filter's update.
+    ///
+    /// - `shared`: P Hᵀ, the covariance of each number with the innovation.
+    /// - `by_bias`: the innovation's derivatives by the gyro's bias.
+    /// - `inverse`: of the innovation's covariance, S⁻¹.
+    fn update(
+        &mut self,
+        shared: &ArrayVec<[f32; 2], SIZE>,
+        innovation: [f32; 2],
+        by_bias: [f32; 2],
+        inverse: Symmetric,
+    ) {
         for (row, [first, second]) in shared.iter().enumerate() {
             let gain = [
                 first * inverse[0] + second * inverse[1],
@@ -290,7 +315,7 @@ impl Filter {
             }
             let start = row * (row + 1) / 2;
             let Some(line) = self.covariances.get_mut(start..=start + row) else { return };
-            for (value, shared) in line.iter_mut().zip(&shared) {
+            for (value, shared) in line.iter_mut().zip(shared) {
                 *value -= dot(&gain, shared);
             }
         }

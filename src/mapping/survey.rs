@@ -30,6 +30,7 @@
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
+use super::filter::Filter;
 use super::keyframes::{Keyframe, KeyframeList, Keyframes};
 use super::landmarks::{Kind, Landmarks, Sighting};
 use super::pose::Correction;
@@ -97,10 +98,10 @@ impl Survey {
         kept.chain([now]).collect()
     }
 
-    /// See [`Filter::rebias`](super::filter::Filter::rebias).
-    pub(super) fn rebias(&mut self, by_rad_s: f64) -> Correction {
+    /// Follows what is found out about the gyro.
+    pub(super) fn correct(&mut self, change: impl FnOnce(&mut Filter)) -> Correction {
         let from = self.pose();
-        self.landmarks.filter.rebias(by_rad_s);
+        change(&mut self.landmarks.filter);
         let correction = Correction { from, to: self.pose() };
         self.sweep.correct(&correction);
         correction

@@ -56,6 +56,9 @@ impl RobotConfig {
             head_rad: self.head.as_ref().map_or(0.0, |head| head.limit_rad),
             head_max_rad_s: self.head.as_ref().map_or(0.0, |head| head.max_rad_s),
             range_ahead_m: self.range.as_ref().map_or(0.0, |range| range.ahead_m),
+            spins_first: self.range.is_some()
+                && self.has(Role::Gyro)
+                && self.geometry().is_ok_and(|geometry| !geometry.knows_gyro_scale()),
         }
     }
 

@@ -13,8 +13,8 @@ use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
 use crate::behavior::{
-    Demands, EngineError, MAX_VARIABLES, Mission, OnLost, Program, ProgramState, Progress, Signal,
-    Signals, Taken,
+    Demands, EngineError, MAX_VARIABLES, Mission, MotionLimits, OnLost, Program, ProgramState,
+    Progress, Signal, Signals, Taken,
 };
 use crate::clock::nanoseconds;
 use crate::mapping::{
@@ -152,6 +152,10 @@ impl Pilot {
         let estimator = EstimatorConfig { geometry: config.geometry()?, method };
         let map = Map::new(estimator.geometry.range(), &start);
         let planner = mission.navigates().then(|| Planner::new(map.grid(), &start)).flatten();
+        let limits = config.motion_limits();
+        // Another method does not correct the pose.
+        let spins_first = limits.spins_first && method == Method::Default;
+        let limits = MotionLimits { spins_first, ..limits };
         let mut required = Channel::WHEELS.to_vec();
         required.extend(config.has(Role::Gyro).then_some(Channel::Gyro));
         required
@@ -174,7 +178,7 @@ impl Pilot {
             planner,
             is_pressed: false,
             home_m: [start.x_m, start.y_m],
-            program: mission.start()?.with_limits(config.motion_limits()),
+            program: mission.start()?.with_limits(limits),
             signals: Signals::default(),
             limits: config.battery.limits(),
             carried: Carried::default(),

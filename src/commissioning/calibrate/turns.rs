@@ -4,12 +4,12 @@ use std::f64::consts::PI;
 
 use crate::behavior::Drive;
 use crate::commissioning::Dialogue;
+use crate::mapping::whole_turn::WholeTurns;
 use crate::senses::Channel;
 use crate::units::{degrees, radians};
 
 use super::fit::Measured;
 use super::stage::{Ended, Limit, Stage, Standing};
-use super::whole_turn::gyro_scale;
 use super::{CalibrateError, CalibrateOptions, NoAnswer};
 
 /// How fast the robot spins, radians per second: far below the 440 degrees a second at which a gyro
@@ -77,7 +77,7 @@ pub(super) fn track_width(
         for (side, way) in [1.0, -1.0].into_iter().enumerate() {
             let (spin, heard) = spin_by_gyro(stage, way)?;
             widths[side].push(width_m(&spin, circumference_m, spin.gyro_rad()));
-            scales[side].extend(gyro_scale(&heard));
+            scales[side].extend(heard.gyro_scale());
         }
     }
     let [measured, scale] = [(before_m, &widths), (1.0, &scales)]
@@ -144,15 +144,17 @@ fn width_m(spin: &Spin, circumference_m: f64, turned_rad: f64) -> f64 {
     circumference_m * spin.from.apart_rad(&spin.to) / (2.0 * PI * turned_rad)
 }
 
-/// A spin, and what was heard meanwhile, for [`gyro_scale`].
-fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<(Spin, Vec<[f64; 2]>), CalibrateError> {
+/// A spin, and what was heard meanwhile.
+fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<(Spin, WholeTurns), CalibrateError> {
     let from = stage.rest()?;
     let wanted_rad = GYRO_TURNS * 2.0 * PI;
     let limit = limit(stage, wanted_rad, SPIN_RAD_S);
-    let mut heard = Vec::new();
+    let mut heard = WholeTurns::default();
     let ended = stage.drive(spinning(way * SPIN_RAD_S), limit, |now, senses| {
         let turned_rad = way * Spin { from, to: *now, way }.gyro_rad();
-        heard.extend(senses.get(Channel::Range).map(|reading| [turned_rad, reading.value]));
+        if let Some(reading) = senses.get(Channel::Range) {
+            heard.hear(turned_rad, reading.value);
+        }
         turned_rad >= wanted_rad
     })?;
     let to = stage.rest()?;
