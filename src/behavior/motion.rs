@@ -41,8 +41,8 @@ pub struct MotionLimits {
     pub head_max_rad_s: f64,
     /// The range sensor, ahead of the middle between the wheels, metres.
     pub range_ahead_m: f64,
-    /// Whether exploring begins with two turns on the spot, by which the estimator finds out what
-    /// the gyro counts for a turn.
+    /// Whether exploring begins with spins, by which the estimator finds out what the gyro counts
+    /// for a turn.
     pub spins_first: bool,
 }
 

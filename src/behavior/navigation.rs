@@ -4,7 +4,8 @@
 //! follows the plan's places with the head swinging from side to side, and asks again while it
 //! drives, so that what the map has gained meanwhile counts. At the end of a way to something
 //! unknown it looks there with the head, or where the range sensor is fixed, by turning once on the
-//! spot, to the left and to the right in turn. Exploring is done when two plans in a row have found
+//! spot, to the left and to the right in turn. A robot of which it is not known what its gyro counts
+//! for a turn spins before it explores (`looking`). Exploring is done when two plans in a row have found
 //! nothing, with a look round between them; what ends a way to a place stands in `ending`.
 //!
 //! An echo from within the robot's own lane stops it; it becomes an obstacle of the next plan. A
@@ -145,8 +146,8 @@ pub struct NavigationState {
     head_left: bool,
     /// The next turn round is to the left.
     turns_left: bool,
-    /// It has made the turns that exploring begins with.
-    has_spun: bool,
+    /// How many of the spins that exploring begins with it has made.
+    spins: u8,
     /// It comes nearer to things than it should, as there is no other way.
     is_tight: bool,
     /// How often it has doubted the map, and tried once more what it tried before.
@@ -223,8 +224,8 @@ impl NavigationState {
 
     /// Nothing under way; requests count on.
     pub(super) fn reset(&mut self) {
-        let Self { serial, turns_left, has_spun, head_left, first_rad, .. } = *self;
-        *self = Self { serial, turns_left, has_spun, head_left, first_rad, ..Self::default() };
+        let Self { serial, turns_left, spins, head_left, first_rad, .. } = *self;
+        *self = Self { serial, turns_left, spins, head_left, first_rad, ..Self::default() };
         self.plan.serial = serial;
     }
 
@@ -263,7 +264,7 @@ impl NavigationState {
         let drive = match self.phase {
             Phase::Begin => {
                 match order.goal {
-                    Goal::Explore { .. } => self.look_first(&tick, motion),
+                    Goal::Explore { .. } => self.look_round(&tick, motion),
                     Goal::Place { .. } => self.ask(&tick, None, None),
                 }
                 Drive::STILL
@@ -280,7 +281,7 @@ impl NavigationState {
                 let head_rad = tick.head_rad();
                 if (head_rad - target_rad).abs() < HEAD_NEAR_RAD {
                     if back {
-                        self.ask(&tick, Some(View::Ahead), None);
+                        self.looked(&tick, motion, View::Ahead);
                     } else {
                         self.phase = Phase::Look { from_rad, to_rad, back: true };
                     }
@@ -312,7 +313,7 @@ impl NavigationState {
         if motion.is_done() || is_stopped {
             match self.phase {
                 Phase::Face => self.look_at(tick, self.plan.goal()),
-                Phase::TurnRound => self.ask(tick, Some(View::Around), None),
+                Phase::TurnRound => self.looked(tick, motion, View::Around),
                 Phase::Arrive => self.face_end(tick, motion),
                 Phase::FaceEnd => self.phase = Phase::Done,
                 _ if matches!(tick.order.goal, Goal::Explore { .. }) => {

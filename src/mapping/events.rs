@@ -35,7 +35,7 @@ impl Events {
     pub const STILL: Self = Self(1 << 7);
     /// The update's time was earlier than that of the one before.
     pub const TIME_BACKWARDS: Self = Self(1 << 8);
-    /// Two turns on the spot have told the gyro's scale, and the pose was corrected by it.
+    /// A spin has told the gyro's scale, and the pose was corrected by it.
     pub const WHOLE_TURN: Self = Self(1 << 9);
 
     /// Every flag with its name.

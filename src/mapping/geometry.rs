@@ -183,7 +183,7 @@ impl Geometry {
     /// How far the scale of a gyro may be off that was not measured, as a share: a standard
     /// deviation. People find 1 to 4 % (`lego-sensor-tables`).
     pub(super) const GYRO_SCALE_SD: f64 = 0.02;
-    /// The same of one that `calibrate` has measured, or two turns on the spot (`whole_turn`).
+    /// The same of one that `calibrate` has measured, or a spin (`whole_turn`).
     pub(super) const MEASURED_GYRO_SCALE_SD: f64 = 0.005;
 
     /// A robot with two driven wheels; its range sensor is mounted as the seed's until

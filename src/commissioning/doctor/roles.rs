@@ -38,8 +38,9 @@ pub(super) fn file(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
                 );
             }
             let is_measured = config.geometry().is_ok_and(|robot| robot.knows_gyro_scale());
-            let to_do = (config.has(Role::Gyro) && !is_measured)
-                .then_some("for better maps onbrick calibrate measures what the gyro counts");
+            let to_do = (config.has(Role::Gyro) && !is_measured).then_some(
+                "onbrick calibrate measures the gyro: else exploring begins with two spins",
+            );
             let found = format!("{} describes \"{}\"", source.name, config.name);
             diagnosis.add(CHECK, Verdict::Ok, found, to_do);
             examination.config = Some(config);

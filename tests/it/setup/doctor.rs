@@ -127,7 +127,10 @@ fn a_good_brick_is_in_order_and_nothing_moves() {
     ] {
         line(&diagnosis, check, Verdict::Ok);
     }
-    assert!(line(&diagnosis, "robot.toml", Verdict::Ok).contains("-> for better maps"));
+    assert!(
+        line(&diagnosis, "robot.toml", Verdict::Ok)
+            .contains("-> onbrick calibrate measures the gyro")
+    );
     assert_eq!(before.wheels_rad, bench.truth().wheels_rad);
     let writes = bench.simulation.take_writes();
     assert!(writes.iter().all(|write| !write.path.contains("motor")), "{writes:?}");
