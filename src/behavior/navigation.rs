@@ -4,9 +4,9 @@
 //! follows the plan's places with the head swinging from side to side, and asks again while it
 //! drives, so that what the map has gained meanwhile counts. At the end of a way to something
 //! unknown it looks there with the head, or where the range sensor is fixed, by turning once on the
-//! spot, to the left and to the right in turn. A robot of which it is not known what its gyro counts
-//! for a turn spins before it explores (`looking`). Exploring is done when two plans in a row have found
-//! nothing, with a look round between them; what ends a way to a place stands in `ending`.
+//! spot, to the left and to the right in turn. Before it explores, it may spin (`looking`).
+//! Exploring is done when two plans in a row have found nothing, with a look round between them;
+//! what ends a way to a place stands in `ending`.
 //!
 //! An echo from within the robot's own lane stops it; it becomes an obstacle of the next plan. A
 //! robot whose bumper is pressed, or that is stopped again and again in one place, backs off. So

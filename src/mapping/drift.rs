@@ -24,7 +24,7 @@
 //! # What it comes to
 //!
 //! Heading after two minutes of exploring, root mean square and worst of 24 runs in `arena` and
-//! `rooms`: drifts of 0.1, -0.15 and 0.19 °/s, 12° to 23° in all, leave 1.2° to 2.4°, and 4.3° at
+//! `rooms`: drifts of 0.1, -0.15 and 0.19 °/s, 12° to 23° in all, left 1.2° to 2.4°, and 4.3° at
 //! the worst; where each reading's rounding counted as its own and 2.2 deviations as certain, it
 //! was 1.7° to 5.2°, and 9.1°. The mission `map`, which seldom stands and turns one way, keeps all
 //! of 0.1 °/s, because mismatched wheels explain it as well, and 8° to 11° of the others (8° to 9°

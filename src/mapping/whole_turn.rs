@@ -7,14 +7,11 @@
 //!
 //! # What it comes to
 //!
-//! One spin in each of 60 rooms that chance drew, each robot with other errors: 59 told the gyro's
-//! scale, off by 0.3 %, root mean square, and by 1.0 % at the worst, after a turn and a half at 60
-//! °/s; after two turns it is 0.2 % and 0.6 %. At 75 °/s, as readings are 7.5° apart, it is 0.6 %,
-//! with 1.1 % at the worst. Differences that count up to 30 cm, and not to 10, are right to as
-//! much, but one in 60 is off by more than 1 %. Nothing in the repository prints these.
-//!
-//! What it does for maps `cargo test --test it
-//! a_gyro_that_is_off_is_found_out_before_exploring -- --nocapture` prints.
+//! One spin in each of 60 rooms that chance drew, each robot with other errors: after a turn and a
+//! half at 60 °/s, 59 told the gyro's scale, right to 0.3 %, root mean square, and to 1.0 % at the
+//! worst; after two turns it is 0.2 % and 0.6 %. At 75 °/s, as readings are 7.5° apart, it is 0.6 %
+//! and 1.1 %. Nothing in the repository prints these. What it is worth to a map does:
+//! `cargo test --test it a_gyro_that_is_off_is_found_out_before_exploring -- --nocapture`.
 //!
 //! # What we count on
 //!
@@ -70,8 +67,8 @@ impl WholeTurns {
         }
     }
 
-    /// What the gyro says for a radian that is turned, by a turn and a half and more; `None` where no
-    /// period is clear.
+    /// What the gyro says for a radian that is turned, by a turn and a half and more; `None` where
+    /// no period is clear.
     pub(crate) fn gyro_scale(&self) -> Option<f64> {
         let differences: ArrayVec<f64, { 2 * MOST_OFF + 1 }> = (360 - MOST_OFF..=360 + MOST_OFF)
             .map(|turn| self.difference_cm(turn))
