@@ -13,6 +13,8 @@
 //! and 1.1 %. Nothing in the repository prints these. What it is worth to a map does:
 //! `cargo test --test it a_gyro_that_is_off_is_found_out_before_exploring -- --nocapture`.
 //!
+//! Where there is no gyro, or not for a while, its angle is the wheels', and so is the scale.
+//!
 //! # What we count on
 //!
 //! - Nothing around moves, and something is nearer than [`FAR_CM`], but not the same on all sides.
