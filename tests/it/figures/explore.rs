@@ -326,9 +326,10 @@ fn figures_of_explore() {
     // One run in ten has one: of the four in a world, that is chance.
     assert!(4 * collisions <= runs, "{collisions} collisions in {runs} runs");
     let [placed, moved, standing, turned] = near;
-    // Of 238 runs keyframes make 137 better and 56 worse, by 1.1 % in the mean: over the worlds
-    // that is 0.08, and of two runs each its standard deviation is 0.06.
-    let chance = if is_long { 0.0 } else { 0.05 };
+    // Keyframes were worth 0.08 before robots spun. Poses are right to 3 cm since, and what they
+    // move is chance: of 20 and of 10 runs a world -0.02 and -0.01, of two its standard deviation
+    // is 0.06.
+    let chance = if is_long { 0.03 } else { 0.05 };
     assert!(moved > placed - chance, "keyframes make maps worse: {near:?}, sums over the worlds");
     assert!(standing > moved + 0.15, "what is left out stands: {near:?}, sums over the worlds");
     // Of two runs a world it is 0.12, of all 0.15.
