@@ -327,8 +327,7 @@ fn figures_of_explore() {
     assert!(4 * collisions <= runs, "{collisions} collisions in {runs} runs");
     let [placed, moved, standing, turned] = near;
     // Keyframes were worth 0.08 before robots spun. Poses are right to 3 cm since, and what they
-    // move is chance: of 20 and of 10 runs a world -0.02 and -0.01, of two its standard deviation
-    // is 0.06.
+    // change is chance: -0.015 in all runs. Of two runs a world its standard deviation is 0.06.
     let chance = if is_long { 0.03 } else { 0.05 };
     assert!(moved > placed - chance, "keyframes make maps worse: {near:?}, sums over the worlds");
     assert!(standing > moved + 0.15, "what is left out stands: {near:?}, sums over the worlds");
