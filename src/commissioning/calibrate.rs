@@ -44,7 +44,6 @@ use crate::clock::Clock;
 use crate::document::Findings;
 use crate::ev3dev::{Tree, UltrasonicSensor};
 use crate::mapping::Geometry;
-
 use crate::robot::{BindError, Robot, RobotConfig, equip};
 use crate::senses::{Channel, Role};
 use crate::units::rounded_to;

@@ -547,6 +547,22 @@ mod tests {
     }
 
     #[test]
+    fn a_scale_that_is_measured_turns_back_what_it_has_turned_too_far() {
+        let mut filter = Filter::default();
+        filter.step(&Step { turn_rad: 10.0, passed_s: 10.0, by_gyro: true, ..Step::default() });
+        filter.step(&Step { forward_m: 1.0, ..Step::default() });
+        filter.observe_gyro_scale(-0.03, 0.001);
+        assert!((filter.scales[0] + 0.03).abs() < 1e-3, "{:?}", filter.scales);
+        let Pose { x_m, y_m, heading_rad } = filter.pose;
+        assert!((heading_rad - 9.7).abs() < 0.01, "{heading_rad}");
+        let (sin, cos) = libm::sincos(9.7);
+        // What is corrected is linear: a turn of 0.3 rad leaves 4 cm of a metre.
+        assert!(libm::hypot(x_m - cos, y_m - sin) < 0.05, "{x_m}, {y_m}");
+        filter.step(&Step { turn_rad: 1.0, ..Step::default() });
+        assert!((filter.pose.heading_rad - heading_rad - 0.97).abs() < 1e-3);
+    }
+
+    #[test]
     fn steps_settled_one_by_one_and_together_come_to_the_same() {
         let (mut one_by_one, mut together) = (knows_places(), knows_places());
         for tick in 0..200 {

@@ -93,8 +93,8 @@ impl WholeTurns {
         (weights > 0.0).then(|| sum / weights / 360.0)
     }
 
-    /// By how much readings differ from those one turn later, and where that was heard for each
-    /// turn, two turns later, in the mean.
+    /// By how much readings differ from those a turn later in the mean, and from those two turns
+    /// later where the spin is long enough for all that is tried.
     ///
     /// - `turn`: what the gyro says for one, degrees.
     fn difference_cm(&self, turn: usize) -> Option<f64> {

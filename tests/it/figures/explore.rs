@@ -9,7 +9,9 @@
 //! missing there, exploring has not found; what is missing besides, the drift of the pose has
 //! spoiled.
 
-use onbrick::mapping::{MapPoint, points_now};
+use std::f64::consts::TAU;
+
+use onbrick::mapping::{MapPoint, Method, points_now};
 use onbrick::recording::{Grid, Run};
 use onbrick::report::timeline::Timeline;
 use onbrick::report::{Scene, Track};
@@ -366,6 +368,32 @@ fn a_gyro_that_is_off_is_found_out_before_exploring() {
         });
     assert!(as_usual.near[3] > measured.near[3] - 0.02, "{:?} {:?}", measured.near, as_usual.near);
     assert!(measured.near[3] > 0.92 && as_usual.near[3] > 0.92, "points as turned");
+}
+
+/// How far the robot has turned from its start to either side in the first 40 seconds, turns.
+fn turned_at_most(robot: &str, method: Method) -> [f64; 2] {
+    let text = World::text("arena").unwrap();
+    let played = play(|file| {
+        let set = vec![("time_limit_s".to_owned(), 40.0)];
+        Job { set, method, ..job("explore", robot, ("arena", text), 1, file) }
+    });
+    let (mut turned_rad, mut most) = (0.0_f64, [0.0_f64; 2]);
+    for two in played.truths.windows(2) {
+        turned_rad += wrap_rad(two[1].heading_rad - two[0].heading_rad);
+        most = [most[0].max(turned_rad / TAU), most[1].max(-turned_rad / TAU)];
+    }
+    most
+}
+
+#[test]
+fn a_robot_whose_gyro_was_not_measured_spins_to_and_fro_and_no_other_does() {
+    let measured = robot().replacen("# scale = 1.0 ", "scale = 1.01 ", 1);
+    let [left, right] = turned_at_most(&robot(), Method::Default);
+    assert!((1.5..1.8).contains(&left) && right < 0.7, "{left}, {right}");
+    for (robot, method) in [(measured, Method::Default), (robot(), Method::Odometry)] {
+        let [left, right] = turned_at_most(&robot, method);
+        assert!(left < 0.8 && right < 0.8, "{method:?}: {left}, {right}");
+    }
 }
 
 fn is_long() -> bool {
