@@ -277,6 +277,11 @@ impl<'d> Item<'d> {
         &self.path
     }
 
+    /// The file that [`append`] put it in from; `None` for the document's own.
+    pub(crate) fn part(&self) -> Option<&'d str> {
+        parts::part_of(&self.source.document.text, self.key_place.start).map(|part| part.name)
+    }
+
     /// The value's byte range.
     pub fn place(&self) -> Range<usize> {
         self.value.span()

@@ -127,6 +127,16 @@ mod tests {
     }
 
     #[test]
+    fn a_file_without_the_sub_machine_of_its_name_is_told_with_what_it_has() {
+        let whole =
+            joined(&USER.replace("NAME", "hop"), |name| (name == "hop").then(|| part("jump", "")));
+        let error = load(&whole).unwrap_err();
+        assert!(error.contains("there is no sub-machine `hop`"), "{error}");
+        let hint = "hop.toml has jump: rename it there to [submachine.hop]";
+        assert!(error.contains(hint), "{error}");
+    }
+
+    #[test]
     fn only_plain_names_are_looked_for_and_only_sub_machines_are_taken() {
         for name in ["../etc/passwd", "a/b", "", "ä"] {
             let text = USER.replace("NAME", name);

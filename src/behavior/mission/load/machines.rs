@@ -167,10 +167,17 @@ impl<'d> Reader<'_, 'd, '_> {
         let name = using.text()?;
         let defined = self.root.section("submachine");
         let Some(item) = defined.as_ref().and_then(|defined| defined.get(name)) else {
-            let own = defined.iter().flat_map(Section::items).map(|item| item.key());
+            let own = defined.iter().flat_map(Section::items);
+            let file = format!("{name}.toml");
+            let held = own.clone().filter(|item| item.part() == Some(&file));
+            let held: Vec<_> = held.map(|item| printable::name(item.key())).collect();
+            let own = own.map(|item| item.key());
             let shipped = SUBMACHINES.map(|shipped| shipped.name);
             let hint = if shipped.contains(&name) {
                 "it comes with onbrick: submachines::joined puts it into the text".to_owned()
+            } else if !held.is_empty() {
+                let (held, name) = (held.join(", "), printable::name(name));
+                format!("{name}.toml has {held}: rename it there to [submachine.{name}]")
             } else {
                 nearest(name, own.chain(shipped)).unwrap_or_else(|| {
                     let name = printable::name(name);
