@@ -259,32 +259,57 @@ pub(super) fn stamps_ns(output: &Output) -> i64 {
 
 /// Reads a finished recording; what a person should know about it goes to the log.
 pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
-    let loaded = read_run(path)?;
-    for warning in &loaded.run.warnings {
-        log::warn!("{}: {warning}", path.display());
+    read_run(path).map(|loaded| warned(path, loaded))
+}
+
+/// Reads finished recordings. A file of several runs is left out where it is not alone: `*.mcap` in
+/// a team's folder names its team.mcap, too.
+#[cfg(feature = "host")]
+pub(super) fn open_runs(paths: &[PathBuf]) -> Result<Vec<LoadedRun>, Failure> {
+    let mut runs = Vec::new();
+    let mut left_out = None;
+    for path in paths {
+        match read(path) {
+            Ok(loaded) => runs.push(warned(path, loaded)),
+            Err(error @ ReadError::NotOneRun) if paths.len() > 1 => {
+                log::warn!("{} is left out: {error}", path.display());
+                left_out = Some(unusable(path, &error));
+            }
+            Err(error) => return Err(unusable(path, &error)),
+        }
     }
-    Ok(loaded)
+    left_out.filter(|_| runs.is_empty()).map_or(Ok(runs), Err)
 }
 
 /// Reads a recording, be it one that still grows: its end is missing, and that is no fault.
 pub(super) fn read_run(path: &Path) -> Result<LoadedRun, Failure> {
-    let name = path.display().to_string();
-    let run = Run::open(path).map_err(|error| {
-        let message = match &error {
-            // This one names the file itself.
-            ReadError::Io { .. } => with_causes(&error),
-            _ => format!("cannot use {name}: {}", with_causes(&error)),
-        };
-        Failure::refused(message)
-            .hint("a run.mcap that `onbrick run` or `onbrick demo` has written")
-    })?;
+    read(path).map_err(|error| unusable(path, &error))
+}
+
+fn read(path: &Path) -> Result<LoadedRun, ReadError> {
     Ok(LoadedRun {
         #[cfg(feature = "host")]
         path: path.to_owned(),
         #[cfg(feature = "host")]
-        name,
-        run,
+        name: path.display().to_string(),
+        run: Run::open(path)?,
     })
+}
+
+fn warned(path: &Path, loaded: LoadedRun) -> LoadedRun {
+    for warning in &loaded.run.warnings {
+        log::warn!("{}: {warning}", path.display());
+    }
+    loaded
+}
+
+fn unusable(path: &Path, error: &ReadError) -> Failure {
+    let message = match error {
+        // This one names the file itself.
+        ReadError::Io { .. } => with_causes(error),
+        _ => format!("cannot use {}: {}", path.display(), with_causes(error)),
+    };
+    Failure::refused(message).hint("a run.mcap that `onbrick run` or `onbrick demo` has written")
 }
 
 /// Refuses to write over a file that is there.

@@ -131,6 +131,12 @@ pub enum ReadError {
         /// What is missing.
         why: &'static str,
     },
+    /// It is whole, and has no run, or several, each in a namespace.
+    #[error(
+        "this is not a recording of onbrick: the file holds no run, or several together, which \
+         viewers open; each run has a recording of its own"
+    )]
+    NotOneRun,
 }
 
 /// Everything that a recording holds, in the order of the file. All of it may be empty: a file may
@@ -192,8 +198,8 @@ impl Run {
     ///
     /// # Errors
     ///
-    /// [`ReadError::NotARecording`], also for several runs in one file; a cut or damaged file is
-    /// no error.
+    /// [`ReadError::NotARecording`] and [`ReadError::NotOneRun`]; a cut or damaged file is no
+    /// error.
     pub fn read(bytes: &[u8]) -> Result<Self, ReadError> {
         let mut collected = Collected::default();
         let mut undecoded = 0_u64;
@@ -208,9 +214,7 @@ impl Run {
         let Collected { mut run, ahead_ns, map } = collected;
         let is_whole = integrity.complete && integrity.damaged.is_empty();
         if is_whole && run.info.is_none() && run.poses.is_empty() {
-            let why = "the file holds no run, or several together, which viewers open; each run \
-                       has a recording of its own";
-            return Err(ReadError::NotARecording { why });
+            return Err(ReadError::NotOneRun);
         }
         let offset_ns = run.info.as_ref().map(|info| info.wall_offset_ns).or(ahead_ns).unwrap_or(0);
         // Those that were written while it grew are not all of it.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::plot::nothing;
 use super::scene::scene_of;
-use crate::cli::common::{LoadedRun, make_folder, open_run, write_file};
+use crate::cli::common::{LoadedRun, make_folder, open_runs, write_file};
 use crate::cli::{Exit, Failure, Output};
 use crate::printable::with_causes;
 use crate::recording::Grid;
@@ -43,7 +43,7 @@ enum Format {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    let runs = arguments.runs.iter().map(|path| open_run(path)).collect::<Result<Vec<_>, _>>()?;
+    let runs = open_runs(&arguments.runs)?;
     let Scene { tracks, walls, .. } = scene_of(&runs, None);
     let is_bare = tracks.iter().all(|track| track.path.is_empty() && track.points.is_empty());
     // What was sensed alone makes signals.csv and the grid again.

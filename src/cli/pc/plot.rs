@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum as _;
 
 use super::scene::scene_of;
-use crate::cli::common::{LoadedRun, open_run, write_file};
+use crate::cli::common::{LoadedRun, open_runs, write_file};
 use crate::cli::{Exit, Failure, Output};
 use crate::recording::Integrity;
 use crate::report::chart::Chart;
@@ -42,7 +42,7 @@ pub(in crate::cli) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let kind = Kind::of(&arguments.output)?;
-    let runs = arguments.runs.iter().map(|path| open_run(path)).collect::<Result<Vec<_>, _>>()?;
+    let runs = open_runs(&arguments.runs)?;
     let bytes = match &arguments.signals[..] {
         [] => {
             let scene = scene_of(&runs, arguments.title.as_deref());

@@ -290,6 +290,11 @@ fn repair_makes_a_whole_file_of_a_cut_one_and_one_of_several() {
         let said = run(folder.path(), &[command, &["both.mcap"]].concat()).expect(3);
         assert!(said.err.contains("a recording of its own"), "{}", said.err);
     }
+    // As `*.mcap` in a team's folder: the others are drawn.
+    let several = ["plot", "left.mcap", "both.mcap", "-o", "both.svg"];
+    let said = run(folder.path(), &several).expect(0);
+    assert!(said.err.contains("both.mcap is left out"), "{}", said.err);
+    run(folder.path(), &["plot", "both.mcap", "both.mcap", "-o", "both.svg"]).expect(3);
     let bytes = std::fs::read(folder.path().join("left.mcap")).unwrap();
     let cut = &bytes[..bytes.len() / 2];
     std::fs::write(folder.path().join("cut.mcap"), cut).unwrap();
