@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::scene::{draw, scene_of};
+use super::scene::{draw, of_all, scene_of};
 use crate::behavior::shipped::{MISSIONS, Shipped, find};
 use crate::cli::common::{
     Progress, environment, load_mission, load_robot, load_world, method, number_within, open_run,
@@ -19,7 +19,7 @@ use crate::recording::Run;
 use crate::robot::RobotConfig;
 use crate::runtime::{Brick, Event, Job, NoHeartbeat, Source, execute};
 use crate::sim::covered;
-use crate::units::{count, counted, degrees, wrap_rad};
+use crate::units::{count, degrees, wrap_rad};
 
 /// Let a simulated robot explore a room of cinder blocks, come home, and draw the map it makes.
 ///
@@ -120,7 +120,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
              pose: {:.1} cm and {:.1} degrees from the true one at the end, after {:.2} m; \
              {:.1} cm and {:.1} degrees at most\n\
              wrote run.mcap, map.svg, map.png, points.csv and path.csv to {}",
-            of_all(quality.points, loaded.run.points.len()),
+            of_all(quality.points, std::slice::from_ref(&loaded)),
             from_walls(&quality),
             covered_walls(&quality),
             quality.pose_error_m * 100.0,
@@ -137,15 +137,6 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     } else {
         Err(Failure::new(Exit::Failed, ended.stop.to_string()))
     }
-}
-
-/// How many points are drawn, and why not all.
-fn of_all(drawn: usize, all: usize) -> String {
-    let of_all = counted(all, "point");
-    if drawn == all {
-        return of_all;
-    }
-    format!("{drawn} of {of_all} (the others contradict the rest of the run)")
 }
 
 /// How far the points are from the walls, as far as there are both.

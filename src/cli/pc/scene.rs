@@ -45,6 +45,17 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
     scene
 }
 
+/// How many points of the runs are drawn, and why not all.
+pub(super) fn of_all(drawn: usize, runs: &[LoadedRun]) -> String {
+    let all: usize = runs.iter().map(|loaded| loaded.run.points.len()).sum();
+    let of_all = counted(all, "point");
+    if drawn == all {
+        return of_all;
+    }
+    let rest = if runs.len() == 1 { "run" } else { "runs" };
+    format!("{drawn} of {of_all} (the others contradict the rest of the {rest})")
+}
+
 /// The robots and their missions: one that all have is said once, at the end.
 fn title_of(tracks: &[Track], runs: &[LoadedRun]) -> String {
     let missions: Vec<Option<&str>> = runs
@@ -121,4 +132,24 @@ pub(super) fn draw(folder: &Path, scene: &Scene) -> Result<(), Failure> {
         export::path_csv(&scene.tracks).into_bytes(),
     ];
     DRAWN.iter().zip(&files).try_for_each(|(name, bytes)| write_file(&folder.join(name), bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mapping::MapPoint;
+    use crate::recording::Run;
+
+    #[test]
+    fn how_many_points_are_drawn_is_said_of_all_that_were_found() {
+        let point = MapPoint { time_ns: 0, x_m: 0.0, y_m: 0.0 };
+        let run = Run { points: vec![point; 2], ..Run::default() };
+        let loaded = || LoadedRun { path: "r".into(), name: "r".to_owned(), run: run.clone() };
+        let runs = [loaded(), loaded()];
+        assert_eq!(of_all(4, &runs), "4 points");
+        let told = "3 of 4 points (the others contradict the rest of the runs)";
+        assert_eq!(of_all(3, &runs), told);
+        let told = "1 of 2 points (the others contradict the rest of the run)";
+        assert_eq!(of_all(1, &runs[..1]), told);
+    }
 }

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::super::scene::{draw, scene_of};
+use super::super::scene::{draw, of_all, scene_of};
 use super::Plan;
 use super::drive::Came;
 use crate::cli::common::{LoadedRun, open_run, read_file, write_file};
@@ -94,9 +94,9 @@ pub(super) fn merge(plan: &Plan<'_>, came: &[Came], output: &mut Output) -> Resu
     let (count, out) = (runs.len(), plan.out.display());
     output.show(
         format!(
-            "{} of {}: map.svg, map.png, points.csv, path.csv and team.mcap in {out}",
-            counted(points, "point"),
-            counted(count, "brick")
+            "{}, {}: map.svg, map.png, points.csv, path.csv and team.mcap in {out}",
+            counted(count, "brick"),
+            of_all(points, &runs)
         ),
         &json!({
             "points": points,
