@@ -98,8 +98,11 @@ impl How {
         let bytes = read_bounded(path).map_err(|failure| failure.hint(new()))?;
         let parsed = Team::parse(&path.display().to_string(), &bytes, &known);
         let (team, warnings) = parsed.map_err(|findings| {
-            Failure::refused(findings.to_string())
-                .hint("onbrick new team, which shows a whole file with comments")
+            let failure = Failure::refused(findings.to_string());
+            if findings.iter().all(|finding| finding.hint.is_some()) {
+                return failure;
+            }
+            failure.hint("onbrick new team, which shows a whole file with comments")
         })?;
         warn(&warnings);
         let bricks = team.members.iter().map(|member| member.brick.clone()).collect();

@@ -437,6 +437,7 @@ fn a_teams_file_with_mistakes_is_refused_with_their_places_and_its_bricks_are_me
     team.write("map", &[("blue", 0.0, 0.0, 0.0), ("bleu", 1.0, 0.0, 0.0)]);
     let said = team.said(&team.pc(&["team", "team.toml"]), 3);
     assert!(said.contains("team.toml:7:8") && said.contains("did you mean `blue`?"), "{said}");
+    assert!(!said.contains("onbrick new team"), "the file is in order: {said}");
     team.write("map", &[("blue", 0.0, 0.0, 0.0)]);
     assert!(
         team.said(&team.pc(&["stop", "--team", "team.toml"]), 0)
