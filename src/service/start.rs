@@ -285,7 +285,7 @@ impl Service {
         let mut set = start.set.clone();
         for (name, value) in &set {
             mission.set(name, *value).map_err(|error| {
-                Refusal::new(Kind::BadRequest, format!("{} = {value}: {error}", line(name)))
+                Refusal::new(Kind::BadRequest, format!("--set {}={value}: {error}", line(name)))
             })?;
         }
         if let Some(limit_s) =

@@ -110,6 +110,8 @@ fn refusals_and_silence_have_exit_codes_and_a_way_out() {
     service.introduce();
     refused(service.pc(&["status", "simm"]), 3, "did you mean");
     refused(service.pc(&["start", "mapp", "sim"]), 3, "mapp");
+    let said = text(&service.pc(&["start", "map", "sim", "--set", "foo=1"]).stderr);
+    assert!(said.contains("--set foo=1: the mission has no number `foo`"), "{said}");
     std::fs::create_dir_all(service.path("out")).unwrap();
     std::fs::write(service.path("out").join("broken.toml"), "name = \"x\"\nrate = 3\n").unwrap();
     refused(service.pc(&["start", "broken.toml", "sim"]), 3, "unknown key");
