@@ -52,12 +52,7 @@ fn doing(status: &Status) -> String {
         lines.push_str(&format!("\n  {}", going(run)));
     } else if let Some(last) = &status.last {
         let run = last.run.as_ref().map(|run| format!(" ({run})")).unwrap_or_default();
-        lines.push_str(&format!(
-            "\n  last: {}{run}: {}: {}",
-            last.mission,
-            last.stop.reason.word(),
-            last
-        ));
+        lines.push_str(&format!("\n  last: {}{run}: {last}", last.mission));
     }
     if let Some(finding) = &status.robot {
         lines.push_str(&format!("\n  robot: {}", finding.trim_end()));

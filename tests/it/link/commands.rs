@@ -83,7 +83,8 @@ fn from_pairing_to_the_map() {
     assert!(service.says(&["stop"], "stopped").starts_with("sim: stopped map-"));
     until("it has stopped", || service.done(&["status", "sim"]).contains("stopped").then_some(()));
     service.says(&["stop"], "nothing was running");
-    service.says(&["status"], "remote");
+    let status = service.says(&["status"], "): stopped over the network");
+    assert!(!status.contains("remote"), "the same twice: {status}");
     let run = newest(&service);
     let fetched = service.done(&["fetch", "sim"]);
     assert!(fetched.contains(&format!("{run}.mcap")), "{fetched}");
