@@ -21,7 +21,8 @@ use crate::units::counted;
 /// Which bricks, and how long they may take.
 #[derive(Debug, Args)]
 pub(super) struct Bricks {
-    /// Bricks, by the name or the address under which known_bricks has them.
+    /// Bricks, by the name or the address under which known_bricks has them. Without one, every
+    /// brick that is known; start, fetch and identify want one named where several are known.
     #[arg(value_name = "HOST")]
     hosts: Vec<String>,
     /// The bricks of a team: its file.
