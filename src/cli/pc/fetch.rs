@@ -70,7 +70,7 @@ impl Brought {
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let asking = arguments.bricks.asking(Unnamed::TheOnly)?;
-    make_folder(Exit::Failed, &arguments.out.out)?;
+    make_folder(Exit::Refused, &arguments.out.out)?;
     if arguments.follow {
         let [brick] = asking.bricks.as_slice() else {
             return Err(Failure::new(Exit::Usage, "one brick can be followed at a time"));

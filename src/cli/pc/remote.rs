@@ -1,6 +1,7 @@
 //! What the commands for bricks have in common: which bricks are meant, asking them all at once,
 //! and how it ends.
 
+use std::io::ErrorKind;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -270,6 +271,14 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
             "onbrick runs, which tells how long its runs are; onbrick fetch --most-mb takes more"
                 .to_owned(),
         ),
+        ClientError::File { source, .. }
+            if matches!(
+                source.kind(),
+                ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem
+            ) =>
+        {
+            (Exit::Refused, "-o with a folder that can be written to".to_owned())
+        }
         ClientError::Refused(_) => return Failure::refused(message),
         _ => return Failure::new(Exit::Failed, message),
     };
@@ -305,5 +314,19 @@ mod tests {
         assert_eq!(all.message, "1 of 2 bricks did not do it");
         // The way out is not lost.
         assert_eq!(all.hint, failed.hint);
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_to_is_refused_and_a_full_disk_is_a_failure() {
+        let key = KeyPair::generate().unwrap().public();
+        let brick = KnownBrick { name: "vm".to_owned(), address: "10.0.0.7".to_owned(), key };
+        for (kind, exit) in [
+            (ErrorKind::PermissionDenied, Exit::Refused),
+            (ErrorKind::ReadOnlyFilesystem, Exit::Refused),
+            (ErrorKind::StorageFull, Exit::Failed),
+        ] {
+            let error = ClientError::File { path: "r.mcap".into(), source: kind.into() };
+            assert_eq!(failure(&brick, &error).exit, exit, "{kind}");
+        }
     }
 }

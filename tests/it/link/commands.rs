@@ -118,6 +118,7 @@ fn refusals_and_silence_have_exit_codes_and_a_way_out() {
     refused(service.pc(&["start", "broken.toml", "sim"]), 3, "unknown key");
     std::fs::write(service.path("out").join("long.toml"), "# ".repeat(40_000)).unwrap();
     refused(service.pc(&["start", "long.toml", "sim"]), 3, "over the network");
+    refused(service.pc(&["fetch", "-o", "/proc/none"]), 3, "cannot make /proc/none");
     service.done(&["start", "map", "sim"]);
     service.until_it_drives();
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
