@@ -13,8 +13,9 @@ use serde::Serialize;
 
 use crate::behavior::Capabilities;
 use crate::cli::common::{load_mission, read_own, warn};
+use crate::cli::key::Folder;
 use crate::cli::{Context, Exit, Failure, Hint, Output};
-use crate::link::{KnownBrick, KnownBricks, key_folder};
+use crate::link::{KnownBrick, KnownBricks};
 
 /// Put missions onto a brick, over ssh.
 ///
@@ -33,6 +34,8 @@ pub(in crate::cli) struct Arguments {
     /// Mission files.
     #[arg(required = true)]
     missions: Vec<PathBuf>,
+    #[command(flatten)]
+    keys: Folder,
 }
 
 #[derive(Serialize)]
@@ -52,7 +55,8 @@ struct Parcel {
 const NO_CONNECTION: i32 = 255;
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    let host = known_host(&arguments.host)?.unwrap_or_else(|| arguments.host.clone());
+    let host =
+        known_host(&arguments.host, &arguments.keys)?.unwrap_or_else(|| arguments.host.clone());
     let host = as_robot(&host);
     let parcels =
         arguments.missions.iter().map(|path| parcel(path)).collect::<Result<Vec<_>, _>>()?;
@@ -151,8 +155,9 @@ fn as_robot(host: &str) -> String {
 }
 
 /// Where a brick is that is known by this name.
-fn known_host(name: &str) -> Result<Option<String>, Failure> {
-    let Some(folder) = key_folder() else { return Ok(None) };
+fn known_host(name: &str, keys: &Folder) -> Result<Option<String>, Failure> {
+    // Without a HOME no brick is known, and ssh may know the host nevertheless.
+    let Ok(folder) = keys.path() else { return Ok(None) };
     let known = KnownBricks::load(&folder)?;
     // Its port is the link's, and not that of ssh.
     Ok(known.iter().find(|brick| brick.name == name).map(KnownBrick::host))

@@ -99,10 +99,9 @@ fn push_finds_a_brick_by_the_name_under_which_it_is_known() {
         ("me@ev3-blue", "me@ev3-blue"),
     ] {
         let output = onbrick()
-            .env("ONBRICK_KEYS", path("keys"))
             .env("PATH", &search)
             .current_dir(folder.path())
-            .args(["push", host, "short.toml"])
+            .args(["push", host, "short.toml", "--keys", "keys"])
             .output()
             .unwrap();
         assert!(output.status.success(), "{}", text(&output.stderr));
