@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::builder::{OsStringValueParser, TypedValueParser};
+
 use super::{Exit, Failure};
 use crate::ev3dev::{Inventory, LocalTree, Tree};
 
@@ -9,14 +11,20 @@ use crate::ev3dev::{Inventory, LocalTree, Tree};
 #[derive(Debug, clap::Args)]
 pub(super) struct BrickFiles {
     /// The folder under which sys/class and dev are found.
-    #[arg(long, value_name = "ROOT", default_value = "/")]
+    #[arg(long, value_name = "ROOT", default_value = "/", value_parser = utf8_path())]
     brick: PathBuf,
     /// The buttons' input device, if it is not the one below the brick's folder.
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, value_name = "PATH", value_parser = utf8_path())]
     buttons: Option<PathBuf>,
     /// The speaker's input device, if it is not the one below the brick's folder.
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, value_name = "PATH", value_parser = utf8_path())]
     speaker: Option<PathBuf>,
+}
+
+/// Reads a path that the processes of a run tell each other in JSON, which is UTF-8.
+fn utf8_path() -> impl TypedValueParser<Value = PathBuf> {
+    OsStringValueParser::new()
+        .try_map(|path| path.into_string().map(PathBuf::from).map_err(|_| "the path is not UTF-8"))
 }
 
 impl BrickFiles {

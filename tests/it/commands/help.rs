@@ -1,5 +1,6 @@
 //! Help, usage and what every command has in common.
 
+use std::os::unix::ffi::OsStrExt as _;
 use std::process::Stdio;
 
 use super::{onbrick, run};
@@ -102,6 +103,18 @@ fn wrong_usage_ends_with_2_and_says_what_is_right() {
     assert_eq!(super::names(folder.path()), [""; 0], "wrong usage leaves nothing behind");
     let said = run(folder.path(), &["run", "map", "--seconds", "5"]).expect(2);
     assert!(!said.err.contains("--json"), "it has nothing to do with it: {}", said.err);
+}
+
+#[test]
+fn a_path_of_the_brick_that_is_not_utf_8_is_wrong_usage() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = std::ffi::OsStr::from_bytes(b"\xff");
+    for option in ["--brick", "--buttons", "--speaker"] {
+        let output = onbrick(folder.path(), &["run", "map", option]).arg(path).output().unwrap();
+        let said = super::done(&output).expect(2);
+        let place = said.err.contains(&format!("for '{option} <"));
+        assert!(place && said.err.contains("the path is not UTF-8"), "{}", said.err);
+    }
 }
 
 #[test]
