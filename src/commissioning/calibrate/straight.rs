@@ -85,13 +85,13 @@ fn wall_ahead(stage: &mut Stage<'_>) -> Result<f64, CalibrateError> {
     if START_M.contains(&range_m) {
         return Ok(range_m);
     }
-    let seen = if range_m.is_finite() {
-        format!("{range_m:.2} m off")
+    let found = if range_m.is_finite() {
+        format!("the wall is {range_m:.2} m off")
     } else {
-        "not to be seen".to_owned()
+        format!("no wall within {:.1} m ahead", START_M.end())
     };
     Err(CalibrateError::NoWall(format!(
-        "the wall is {seen}: put the robot half a metre before it, its head straight ahead"
+        "{found}: put the robot half a metre before a plain wall, its head straight ahead"
     )))
 }
 
