@@ -87,7 +87,8 @@
 //! ticks, and about one more for each 0.75 m² of floor. One to a place that cannot be reached takes
 //! 150. It is made while the robot drives by the one before. Measured on x86-64 at opt-level 1:
 //! 64 000 instructions for the rows that become bits, 53 000 for those that are widened.
-//! After a plan the way home takes a tick for 300 cells more, also where no mission asks for it.
+//! After a plan the way home takes a tick for 300 cells more, and one for each 100 cells of the way
+//! to measure it, also where no mission asks for it.
 //!
 //! # What we count on
 //!
@@ -159,6 +160,11 @@ enum Phase {
     },
     /// After the plan is told: the wave is taken further until it comes home.
     Home,
+    /// Back from home along that way, of which so much is measured, metres.
+    FromHome {
+        at: u16,
+        way_m: f64,
+    },
 }
 
 /// Plans over one grid.
@@ -182,8 +188,8 @@ pub struct Planner {
     /// The robot's cell in the tick before.
     stood: Option<Place>,
     home: Place,
-    /// What the way home cost in the last plan whose wave came there, and from where.
-    way_home: Option<(u16, Place)>,
+    /// What [`Planner::home_m`] was after the last plan whose wave came home, and from where.
+    way_home: Option<(f64, Place)>,
     obstacles: ArrayVec<(Place, u8), OBSTACLES>,
     guesses: Guesses,
     points: Points,
@@ -251,13 +257,13 @@ impl Planner {
     }
 
     /// How far home is, where the robot started, from a pose: the way over the map, metres, of
-    /// which a narrow piece counts four times, as it is driven slowly. `None` before the first
-    /// plan, and where no way was found.
+    /// which a narrow piece counts two and a half times, as it is driven slowly. `None` before the
+    /// first plan, and where no way was found.
     #[must_use]
     pub fn home_m(&self, pose: &Pose) -> Option<f64> {
-        let (cost_cm, from) = self.way_home?;
+        let (way_m, from) = self.way_home?;
         let [x_m, y_m] = self.plan.middle(from.bytes());
-        Some(f64::from(cost_cm) / 100.0 + libm::hypot(pose.x_m - x_m, pose.y_m - y_m))
+        Some(way_m + libm::hypot(pose.x_m - x_m, pose.y_m - y_m))
     }
 
     /// The points of the map that are nearer to a pose than what a turn on the spot needs; none
@@ -316,12 +322,16 @@ impl Planner {
                 let home = self.survey.index(self.home);
                 for _ in 0..WAVE_CELLS {
                     if self.wave.is_final(home) || self.advance().is_none() {
-                        let way = self.wave.cost(home).map(|cost| (cost, self.start));
-                        self.way_home = way.or(self.way_home);
-                        self.phase = Phase::Idle;
+                        let way = self.wave.cost(home);
+                        self.phase =
+                            way.map_or(Phase::Idle, |_| Phase::FromHome { at: home, way_m: 0.0 });
                         break;
                     }
                 }
+                None
+            }
+            Phase::FromHome { at, way_m } => {
+                self.measure_home(at, way_m);
                 None
             }
         }

@@ -8,7 +8,7 @@ pub const WAYPOINTS: usize = 32;
 
 /// This number of them ahead tells whether the way is narrow, by steps that cost more than this.
 const NARROW_AHEAD: usize = 2;
-const NARROW: u8 = 2;
+pub(super) const NARROW: u8 = 2;
 
 /// What is to be reached.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
