@@ -359,7 +359,11 @@ impl Store {
             return Err(StoreError::GoingOn(run.clone()));
         }
         let number = index.find(run).ok_or_else(|| StoreError::Unknown(run.clone()))?.record.number;
-        files::remember_deleted(&self.folder, run, number)?;
+        if files::remember_deleted(&self.folder, run, number).is_err() {
+            // On a full disk the recording first makes room for the line.
+            let _ = std::fs::remove_file(self.recording(run));
+            files::remember_deleted(&self.folder, run, number)?;
+        }
         index.runs.remove(&number);
         index.deleted.insert(run.clone());
         drop(index);

@@ -1,11 +1,12 @@
 //! Disks that are full, small or read-only, and configurations that are wrong.
 
+use std::path::Path;
 use std::process::Command;
 
 use onbrick::protocol::{Kind, LocalOnly, State};
 use onbrick::runtime::StopReason;
 
-use super::{Served, folder, refused_as, start};
+use super::{Served, folder, id, refused_as, start};
 use crate::commands::run;
 use crate::foreign::bench::unshare;
 use crate::support::turning_brick::await_that;
@@ -77,6 +78,23 @@ fn a_disk_that_is_too_small_or_read_only_is_a_fault_and_every_start_says_why() {
         assert_eq!((served.runs().len(), served.status().run), (0, None), "{options}");
         assert_eq!(served.end(), Some(0));
     }
+}
+
+#[test]
+fn on_a_full_disk_a_run_can_be_deleted() {
+    let Some(mut served) = on_a_file_system("size=64m") else { return };
+    served.own::<serde_json::Value>(&LocalOnly::StartHere(start("r", "short")));
+    served.await_state(State::Stopped);
+    let runs = served.path("runs");
+    // As the service sees it, in its namespace.
+    let seen = Path::new("/proc").join(served.pid().to_string()).join("root");
+    let seen = seen.join(runs.strip_prefix("/").unwrap());
+    std::fs::write(seen.join("deleted"), vec![b'\n'; 4096]).unwrap();
+    let full = std::fs::write(seen.join("filler"), vec![0; 64 << 20]).unwrap_err();
+    assert_eq!(full.kind(), std::io::ErrorKind::StorageFull);
+    served.own::<serde_json::Value>(&LocalOnly::Delete { run: id("r") });
+    assert!(served.runs().is_empty() && !seen.join("r").exists());
+    assert!(served.start("r", "short").repeated, "it is remembered");
 }
 
 #[test]
