@@ -182,6 +182,12 @@ pub enum LocalOnly {
     /// This connection is the menu's: when it closes, however that happens, it is as if
     /// `menu_closed` had been asked. Answered with [`Done`].
     MenuHere,
+    /// This connection is that of a run's starter: when it closes, however that happens, it is as
+    /// if `stop` had been asked for this run. Answered with [`Done`].
+    StarterHere {
+        /// Which.
+        run: RunId,
+    },
     /// Stop because the menu was closed, where the configuration says that a run ends with it;
     /// otherwise as `stop`.
     MenuClosed,

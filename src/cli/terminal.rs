@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP};
 use signal_hook::iterator::Signals;
 
 use super::output::safe;
@@ -184,9 +184,10 @@ pub(super) fn stop_flags() -> Result<StopFlags, Failure> {
     Ok(flags)
 }
 
-/// Ctrl-C, SIGTERM and SIGHUP as they come.
+/// Ctrl-C, Ctrl-\, Ctrl-Z, SIGTERM and SIGHUP as they come: a process that drives a robot does not
+/// leave its terminal while the robot drives on.
 pub(super) fn signals() -> Result<Signals, Failure> {
-    Signals::new([SIGINT, SIGTERM, SIGHUP]).context(Exit::Failed, NO_SIGNALS)
+    Signals::new([SIGINT, SIGQUIT, SIGTSTP, SIGTERM, SIGHUP]).context(Exit::Failed, NO_SIGNALS)
 }
 
 const NO_SIGNALS: &str = "cannot listen to signals";

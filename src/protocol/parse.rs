@@ -23,11 +23,12 @@ const SHARED: [&str; 8] =
     ["status", "missions", "start", "stop", "runs", "fetch", "identify", "live"];
 
 /// Operations of [`LocalOnly`].
-const OWN: [&str; 11] = [
+const OWN: [&str; 12] = [
     "jog",
     "delete",
     "start_here",
     "menu_here",
+    "starter_here",
     "menu_closed",
     "acknowledge",
     "pairing_window",

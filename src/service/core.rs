@@ -328,7 +328,7 @@ impl Operations for Service {
                 answer(&Done {})
             }
             LocalOnly::StartHere(start) => answer(&self.start(start, caller, false)?),
-            LocalOnly::MenuHere => answer(&Done {}),
+            LocalOnly::MenuHere | LocalOnly::StarterHere { .. } => answer(&Done {}),
             LocalOnly::MenuClosed => self.menu_closed(&named(caller)),
             LocalOnly::Acknowledge => {
                 self.inner.happen(Happening::Acknowledged);

@@ -29,7 +29,7 @@ use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::printable::json_line;
 use crate::protocol::{
     Answer, Asked, Caller, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Operations, Outcome,
-    Refusal, Reply, parse_local,
+    Refusal, Reply, Request, parse_local,
 };
 use crate::runtime::groups;
 use crate::threads::{lock, spawn};
@@ -197,17 +197,23 @@ impl ClientThread {
     fn talk(&self, stream: &UnixStream) {
         let Ok(peer) = getsockopt(stream, PeerCredentials) else { return };
         let mut caller = Caller::Here;
+        let mut at_end = None;
         // However the talk ends: closed, broken, too slow.
-        if let Err(error) = self.requests(stream, &mut caller) {
+        if let Err(error) = self.requests(stream, &mut caller, &mut at_end) {
             log::debug!("process {} at the local socket: {error}", peer.pid());
         }
-        if caller == Caller::Menu {
-            let closed = self.clients.operations.own(&LocalOnly::MenuClosed, &caller);
-            log::debug!("the menu is gone: {closed:?}");
+        if let Some(request) = at_end {
+            let stopped = self.operate(&request, &caller);
+            log::debug!("menu or starter is gone: {stopped:?}");
         }
     }
 
-    fn requests(&self, stream: &UnixStream, caller: &mut Caller) -> io::Result<()> {
+    fn requests(
+        &self,
+        stream: &UnixStream,
+        caller: &mut Caller,
+        at_end: &mut Option<LocalRequest>,
+    ) -> io::Result<()> {
         stream.set_write_timeout(Some(PATIENCE))?;
         let mut reader = BufReader::new(stream);
         let mut line = Vec::new();
@@ -226,7 +232,7 @@ impl ClientThread {
                 }
                 LineRead::Whole => {}
             }
-            let (reply, bytes) = self.answer(&line, caller);
+            let (reply, bytes) = self.answer(&line, caller, at_end);
             send(&mut &*stream, &reply, bytes.as_deref())?;
         }
     }
@@ -257,24 +263,40 @@ impl ClientThread {
         }
     }
 
-    fn answer(&self, line: &[u8], caller: &mut Caller) -> (Reply, Option<Vec<u8>>) {
+    fn answer(
+        &self,
+        line: &[u8],
+        caller: &mut Caller,
+        at_end: &mut Option<LocalRequest>,
+    ) -> (Reply, Option<Vec<u8>>) {
         let (id, answered) = match parse_local(line) {
             Ok(Asked { id, request }) => {
-                if request == LocalRequest::Own(LocalOnly::MenuHere) {
-                    *caller = Caller::Menu;
+                match &request {
+                    LocalRequest::Own(LocalOnly::MenuHere) => {
+                        *caller = Caller::Menu;
+                        *at_end = Some(LocalRequest::Own(LocalOnly::MenuClosed));
+                    }
+                    LocalRequest::Own(LocalOnly::StarterHere { run }) => {
+                        let stop = Request::Stop { run: Some(run.clone()) };
+                        *at_end = Some(LocalRequest::Shared(stop));
+                    }
+                    _ => {}
                 }
-                let operations = &self.clients.operations;
-                let answered = match &request {
-                    LocalRequest::Shared(request) => operations.shared(request, caller),
-                    LocalRequest::Own(request) => operations.own(request, caller),
-                };
-                (Some(id), answered)
+                (Some(id), self.operate(&request, caller))
             }
             Err(error) => (error.id, Err(error.refusal)),
         };
         match answered {
             Ok(Answer { value, bytes }) => (Reply { id, outcome: Outcome::Ok(value) }, bytes),
             Err(refusal) => (Reply { id, outcome: Outcome::Error(refusal) }, None),
+        }
+    }
+
+    fn operate(&self, request: &LocalRequest, caller: &Caller) -> Result<Answer, Refusal> {
+        let operations = &self.clients.operations;
+        match request {
+            LocalRequest::Shared(request) => operations.shared(request, caller),
+            LocalRequest::Own(request) => operations.own(request, caller),
         }
     }
 }

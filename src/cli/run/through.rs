@@ -16,7 +16,7 @@ use super::{Arguments, Happenings, RunFolder};
 use crate::behavior::Capabilities;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, wall_ns};
 use crate::protocol::{
-    Chosen, Fetch, LastStop, LocalOnly, MAX_FETCH_BYTES, MAX_MISSION_BYTES, Request, RunId,
+    Chosen, Done, Fetch, LastStop, LocalOnly, MAX_FETCH_BYTES, MAX_MISSION_BYTES, Request, RunId,
     RunInfo, Runs, Start, Started, Status, Stopped,
 };
 use crate::runtime::Event;
@@ -92,8 +92,11 @@ pub(super) fn run(
         set: arguments.set.clone(),
         no_button: arguments.no_button,
     };
-    let started: Result<Started, ClientError> =
-        living.client.ask_own(&LocalOnly::StartHere(start), PATIENCE);
+    // This process's end, of whatever kind, ends its run: on one connection the service sees it
+    // after the start.
+    let mut tie = Client::at(&living.config.socket.path);
+    let tied = tie.ask_own::<Done>(&LocalOnly::StarterHere { run: run.clone() }, PATIENCE);
+    let started = tied.and_then(|_| tie.ask_own::<Started>(&LocalOnly::StartHere(start), PATIENCE));
     started.map_err(|error| {
         folder.iter().for_each(RunFolder::take_back);
         failure("the run did not start", &error)

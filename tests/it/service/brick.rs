@@ -4,13 +4,15 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use onbrick::clock::MonotonicClock;
 use onbrick::protocol::{Kind, Live, LocalOnly, Request, State};
 use onbrick::recording::Run;
 use onbrick::runtime::HardwareLock;
 use onbrick::runtime::StopReason;
 
-use super::{Served, id, refused_as, short, start};
+use super::{STRAIGHT, Served, id, refused_as, short, start};
 use crate::commands::onbrick;
 use crate::mount::bench::{Mounted, await_or_fail};
 use crate::support::turning_brick::{TurningBrick, await_that};
@@ -113,6 +115,27 @@ fn onbrick_run_goes_through_the_service_and_brings_the_recording() {
     assert!(!folder.path().join("p").exists(), "a run that was refused leaves no folder");
     let status = served.status();
     assert_eq!((status.state, served.runs().len()), (State::Stopped, 2));
+}
+
+#[test]
+fn a_run_through_the_service_ends_with_the_process_that_asked_for_it() {
+    for signal in [Signal::SIGKILL, Signal::SIGTSTP, Signal::SIGQUIT] {
+        let brick = TurningBrick::new();
+        let mut served = on(&brick, "");
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("far.toml"), STRAIGHT).unwrap();
+        let root = brick.root().to_str().unwrap().to_owned();
+        let config = served.folder.path().to_str().unwrap().to_owned();
+        let arguments = ["run", "far.toml", "--brick", &root, "--config", &config];
+        let mut run = onbrick(folder.path(), &arguments).spawn().unwrap();
+        brick.await_driving();
+        kill(Pid::from_raw(run.id().cast_signed()), signal).unwrap();
+        let last = served.await_state(State::Stopped).last.unwrap();
+        assert_eq!(last.stop.reason, StopReason::Here, "{signal}");
+        assert!(brick.is_still(), "{signal}");
+        let code = run.wait().unwrap().code();
+        assert_eq!(code, (signal != Signal::SIGKILL).then_some(0), "{signal}");
+    }
 }
 
 #[test]
