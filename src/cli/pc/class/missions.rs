@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! FOLDER/missions/NAME.toml          as it is now: any editor may change it as well
-//! FOLDER/kept/NAME/STAMP.toml        as it was saved from the page, each time
+//! FOLDER/kept/NAME/STAMP.toml        as it was saved from the page, each time, or found changed
 //! FOLDER/kept/NAME/STAMP-BRICK.toml  as it was started on a brick
 //! ```
 //!
@@ -84,15 +84,23 @@ impl Missions {
         text_of(&self.kept(&named(name)?).join(format!("{}.toml", stamp.as_str())))
     }
 
-    /// Writes a mission's file, and keeps what was written.
+    /// Writes a mission's file, and keeps what was written, and what another editor had changed.
     pub(super) fn save(&self, name: &str, text: &str) -> Result<(), String> {
         let name = named(name)?;
         if text.len() > MAX_MISSION_BYTES {
             return Err(format!("a mission has at most {MAX_MISSION_BYTES} bytes"));
         }
         let file = self.file(&name);
-        if text_of(&file).is_ok_and(|before| before == text) {
-            return Ok(());
+        // What cannot be read cannot be kept, and is not written over.
+        if let Some(before) = file.exists().then(|| text_of(&file)).transpose()? {
+            if before == text {
+                return Ok(());
+            }
+            let newest = stems(&self.kept(&name)).pop();
+            let newest = newest.map(|stamp| self.version(name.as_str(), &stamp)).transpose()?;
+            if newest.as_ref() != Some(&before) {
+                self.keep(&name, "", &before)?;
+            }
         }
         self.keep(&name, "", text)?;
         self.write(&file, text)
@@ -104,8 +112,13 @@ impl Missions {
     }
 
     fn keep(&self, name: &Name, behind: &str, text: &str) -> Result<(), String> {
-        let stamp = wall_ns() / MILLISECOND_NS;
-        self.write(&self.kept(name).join(format!("{stamp}{behind}.toml")), text)
+        let file = |stamp| self.kept(name).join(format!("{stamp}{behind}.toml"));
+        let mut stamp = wall_ns() / MILLISECOND_NS;
+        // Two may be kept in one millisecond.
+        while file(stamp).exists() {
+            stamp += 1;
+        }
+        self.write(&file(stamp), text)
     }
 
     fn write(&self, file: &Path, text: &str) -> Result<(), String> {
@@ -250,8 +263,6 @@ mod tests {
         assert_eq!(missions.list()["missions"], json!([]));
         for text in ["one", "two", "two"] {
             missions.save("mine", text).unwrap();
-            let _ = wall_ns();
-            std::thread::sleep(std::time::Duration::from_millis(3));
         }
         missions.keep_started("mine", "ev3-blue", "two").unwrap();
         assert_eq!(missions.read("mine").unwrap(), "two");
@@ -261,6 +272,17 @@ mod tests {
         assert_eq!(stamps.len(), 3, "what is the same is kept once: {stamps:?}");
         assert!(stamps[0].ends_with("-ev3-blue"), "{stamps:?}");
         assert_eq!(missions.version("mine", stamps[2]).unwrap(), "one");
+
+        let file = folder.path().join("missions/mine.toml");
+        std::fs::write(&file, "by an editor").unwrap();
+        missions.save("mine", "three").unwrap();
+        let kept = folder.path().join("kept/mine");
+        let texts = stems(&kept).into_iter().map(|stamp| missions.version("mine", &stamp).unwrap());
+        let texts: Vec<String> = texts.collect();
+        assert_eq!(texts, ["one", "two", "two", "by an editor", "three"]);
+        std::fs::write(&file, b"\xff").unwrap();
+        assert!(missions.save("mine", "four").is_err());
+        assert_eq!(std::fs::read(&file).unwrap(), b"\xff", "what cannot be kept stays");
     }
 
     #[test]
