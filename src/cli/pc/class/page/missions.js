@@ -200,6 +200,8 @@ export function show(view) {
     if (!kept.name) return tell("open a mission first");
     if (!bricks.length) return tell("choose a brick");
     await save();
+    await check();
+    if (verdict.dataset.good === "false") return tell("the mission is not in order yet");
     const { name, text } = kept;
     if (await post("start", { bricks, name, text })) location.hash = "#/";
     lookNow();
