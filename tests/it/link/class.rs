@@ -290,6 +290,9 @@ fn a_class() {
     );
     tab.picture("2-findings");
     until("the edit is kept", || (read() == "name = \"round\"\nrate = 3\n").then_some(()));
+    tab.until("document.querySelector('#work p select').options.length === 2");
+    tab.click("#work", "Start on all");
+    tab.until("document.querySelector('#told').textContent.includes('not in order yet')");
     let map = std::fs::read_to_string(concat!(
         env!("CARGO_MANIFEST_DIR"),
         "/brick-image/missions/map.toml"

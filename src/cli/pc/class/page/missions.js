@@ -107,7 +107,7 @@ export function show(view) {
     number();
     clearTimeout(waiting);
     waiting = setTimeout(() => {
-      save();
+      save().then(history);
       check();
     }, 400);
   };
@@ -170,10 +170,15 @@ export function show(view) {
     return brick.length ? `${time}, on ${brick.join("-")}` : time;
   };
   async function history() {
-    const stamps = (await read(`missions/versions?name=${kept.name}`)) ?? [];
+    const { name } = kept;
+    const stamps = (await read(`missions/versions?name=${name}`)) ?? [];
+    if (name !== kept.name) return;
+    const chosen = versions.value;
     versions.replaceChildren(
       ...stamps.map((stamp) => Object.assign(option(when(stamp)), { value: stamp })),
     );
+    // What a person has chosen stays chosen.
+    if (stamps.includes(chosen)) versions.value = chosen;
   }
   async function back() {
     if (!versions.value) return;
