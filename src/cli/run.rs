@@ -287,14 +287,23 @@ fn follow(
     happenings.tell(output);
     ended.map_err(|error| match error {
         RunError::Refused { stop, hint } => Failure::of_refused(stop.to_string(), hint.as_deref()),
-        RunError::Silent { stopped: true, .. } => failed("the run", &error).hint(format!(
-            "its motors were stopped; {} says what happened before",
-            job.file.display()
-        )),
+        RunError::Silent { stopped: true, .. } => {
+            failed("the run", &error).hint(after_silence(&job.file))
+        }
         RunError::Silent { .. } | RunError::Io(_) => {
             failed("the run", &error).hint("onbrick halt, to be sure that the motors are still")
         }
     })
+}
+
+/// What is known where the run's processes ended without a word, and its motors were stopped.
+fn after_silence(file: &Path) -> String {
+    let before = if file.exists() {
+        format!("; {} says what happened before", file.display())
+    } else {
+        String::new()
+    };
+    format!("its motors were stopped{before}")
 }
 
 /// A signal to this process means the run. In a terminal, control gets the signal as well; hearing
@@ -322,6 +331,15 @@ mod tests {
         for seen in [true, false] {
             assert!(said(seen).ends_with("onbrick replay 'my r.mcap'"), "{}", said(seen));
         }
+    }
+
+    #[test]
+    fn a_recording_is_named_only_where_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("run.mcap");
+        assert_eq!(after_silence(&file), "its motors were stopped");
+        std::fs::write(&file, "").unwrap();
+        assert!(after_silence(&file).ends_with("run.mcap says what happened before"));
     }
 
     #[test]

@@ -74,7 +74,7 @@ pub(super) fn nothing(to: &str, runs: &[LoadedRun]) -> Failure {
     Failure::refused(format!(
         "nothing to {to}, neither path nor points; what can be read: {readable}"
     ))
-    .hint("onbrick fetch, which resumes where it was cut; or another recording")
+    .hint("another recording; or onbrick fetch, where its brick has more of it")
 }
 
 fn map(kind: Kind, scene: &Scene) -> Result<Vec<u8>, PlotError> {
