@@ -49,10 +49,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         (several, ..) => {
             let failures: Vec<Failure> = several
                 .iter()
-                .filter_map(|run| {
-                    again(run, true, output)
-                        .err()
-                        .inspect(|failure| log::error!("{}: {}", run.display(), failure.to_text()))
+                .filter_map(|run| again(run, true, output).err())
+                .inspect(|failure| {
+                    let text = failure.to_text();
+                    // The log begins with it itself.
+                    log::error!("{}", text.strip_prefix("error: ").unwrap_or(&text));
                 })
                 .collect();
             let worst = failures.iter().map(|failure| failure.exit).max_by_key(|exit| *exit as u8);
@@ -80,7 +81,8 @@ fn again(run: &Path, named: bool, output: &mut Output) -> Result<(), Failure> {
     if replayed.is_same() {
         Ok(())
     } else {
-        Err(Failure::new(Exit::Failed, "the replay differs from what was recorded"))
+        let message = format!("the replay of {} differs from what was recorded", run.display());
+        Err(Failure::new(Exit::Failed, message))
     }
 }
 
