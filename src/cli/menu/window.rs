@@ -158,20 +158,18 @@ fn letters(page: &str, size: Size) -> String {
                 .map(move |row| letters.iter().skip(row * columns).take(columns).copied().collect())
         })
         .collect();
-    let foot = format!(
-        "{KEYS}\r\nthe screen itself from {} columns and {} rows on\x1b[J",
-        WIDTH / 2,
-        HEIGHT / 4 + 1
-    );
-    let room = usize::try_from(size.rows).unwrap_or(usize::MAX).saturating_sub(3).max(1);
+    let rows = usize::try_from(size.rows).unwrap_or(usize::MAX);
+    let from =
+        format!("the screen itself from {} columns and {} rows on", WIDTH / 2, HEIGHT / 4 + 1);
+    // The page needs what few rows there are.
+    let foot = if rows < 8 { &[][..] } else { &["", KEYS, &from] };
+    let foot = foot.iter().map(|line| line.chars().take(columns).collect());
+    let room = rows.saturating_sub(foot.len()).max(1);
     let chosen = lines.iter().position(|line| line.starts_with(&['>', ' '])).unwrap_or(0);
-    let mut text = String::new();
-    for line in lines.iter().skip((chosen + 2).saturating_sub(room)).take(room) {
-        text.extend(line);
-        text.push_str("\x1b[K\r\n");
-    }
-    text.push_str("\x1b[K\r\n");
-    text + &foot
+    let shown = lines.iter().skip((chosen + room.min(2)).saturating_sub(room)).take(room);
+    let shown: Vec<String> = shown.map(|line| line.iter().collect()).chain(foot).collect();
+    // Erasing behind a full line would take its last letter.
+    format!("\x1b[J{}", shown.join("\r\n"))
 }
 
 /// How many turns of the menu's loop a key counts as held: 0.4 s, shorter than the menu waits
@@ -287,13 +285,15 @@ mod tests {
     fn a_small_terminal_shows_the_text_around_what_is_chosen() {
         let page = format!("[Runs]\n{}> 42 map: cut\n  43", "  a run of before\n".repeat(40));
         let shown = letters(&page, Size { columns: 9, rows: 12 });
-        let lines: Vec<&str> = shown.split("\x1b[K\r\n").collect();
+        let lines: Vec<&str> = shown.trim_start_matches("\x1b[J").split("\r\n").collect();
         assert!(lines.contains(&"> 42 map:") && lines.contains(&" cut"), "{lines:?}");
         assert!(
-            lines.len() <= 12 && lines.iter().take(9).all(|line| line.chars().count() <= 9),
+            lines.len() <= 12 && lines.iter().all(|line| line.chars().count() <= 9),
             "{lines:?}"
         );
         let short = letters("[Missions]\n> bump", Size { columns: 80, rows: 24 });
-        assert!(short.starts_with("[Missions]\x1b[K\r\n> bump\x1b[K\r\n"), "{short:?}");
+        assert!(short.starts_with("\x1b[J[Missions]\r\n> bump\r\n"), "{short:?}");
+        let tiny = letters(&page, Size { columns: 20, rows: 5 });
+        assert!(tiny.matches("\r\n").count() < 5 && tiny.contains("> 42 map: cut"), "{tiny:?}");
     }
 }
