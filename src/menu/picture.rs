@@ -12,7 +12,8 @@ use crate::protocol::{LastStop, RunStatus};
 /// A run in progress, as the menu shows one.
 #[must_use]
 pub fn running_picture(run: &RunStatus) -> Canvas {
-    let sheet = progress(Sheet::new("Running").strong(&run.mission), run);
+    let title = if run.progress.is_some() { "Running" } else { "Preparing" };
+    let sheet = progress(Sheet::new(title).strong(&run.mission), run);
     let volts = run.progress.as_ref().and_then(|progress| progress.battery_v);
     let corner = volts.map(|volts| format!("{volts:.1} V")).unwrap_or_default();
     drawn(&sheet.foot("STOP: Enter, Back"), &corner)

@@ -21,7 +21,9 @@ use crate::ev3dev::{Access, Tree};
 use crate::menu::{Canvas, ended_picture, running_picture};
 use crate::protocol::{LastStop, RunId, RunStatus};
 use crate::report::live::{Board, Sources, Wish};
-use crate::runtime::{Brick, Ended, Event, Job, NoHeartbeat, StopBy, StopFlags, Stopper, execute};
+use crate::runtime::{
+    Brick, Ended, Event, Job, NoHeartbeat, StopBy, StopFlags, StopReason, Stopper, execute,
+};
 use crate::sim::Simulation;
 use crate::simulated::{Simulated, simulated_at};
 use crate::threads::lock;
@@ -144,7 +146,9 @@ pub(in crate::cli) fn watched(
         simulated_at(job, Arc::<PacedClock>::clone(&clock))?;
     let screen = Screen { simulation: simulation.clone(), mission };
     board.show(Sources { simulation: Some(simulation), clock: Some(clock), ..sources });
-    screen.show(&Event::Preparing { what: "getting ready".to_owned() });
+    let preparing = Event::Preparing { what: "getting ready".to_owned() };
+    screen.show(&preparing);
+    board.hear(&preparing);
     let (say, events) = mpsc::channel();
     let hears = board.clone();
     let report = move |event: &Event| {
@@ -160,7 +164,10 @@ pub(in crate::cli) fn watched(
                 tell(&event);
             }
         });
-        execute(job, environment, flags, &mut NoHeartbeat, report)
+        execute(job, environment, flags, &mut NoHeartbeat, report).inspect_err(|refused| {
+            let stop = StopReason::Refused.with(refused.to_string());
+            screen.show(&Event::Refused { stop, hint: None });
+        })
     })?;
     board.hear(&Event::Ended(ended.clone()));
     Ok(ended)
@@ -187,10 +194,10 @@ impl Screen<'_> {
         let picture = match event {
             Event::Preparing { what } => running(Some(what), None),
             Event::Status(status) => running(None, Some(status.clone())),
-            Event::Stopped { stop, .. } => {
+            Event::Stopped { stop, .. } | Event::Refused { stop, .. } => {
                 Some(ended_picture(&LastStop::new(None, self.mission.name(), stop.clone())))
             }
-            Event::Driving { .. } | Event::Refused { .. } | Event::Ended(_) => None,
+            Event::Driving { .. } | Event::Ended(_) => None,
         };
         if let Some(picture) = picture {
             self.draw(&picture);

@@ -140,6 +140,11 @@ fn a_page_changes_nothing_in_a_recording_and_starts_what_the_file_says_then() {
     run(folder, &[&["run"], &common[..], &["plain", "--json"]].concat()).expect(0);
 
     let page = paged(folder, &[&common[..], &["paged"]].concat());
+    let state = page.until_state(|state| !state["run"]["phase"].is_null());
+    assert_eq!(
+        (&state["run"]["phase"], &state["run"]["note"]),
+        (&"preparing".into(), &"getting ready".into())
+    );
     page.until_event("driving");
     let state = page.state();
     for part in ["room", "sim", "run", "pace"] {
