@@ -283,6 +283,19 @@ impl Canvas {
         self.shapes.push(Shape::Text(Box::new(Text::new(text, place, style))));
     }
 
+    /// A title around this middle; one that is wider than there is room ends with an ellipsis.
+    pub(super) fn title(&mut self, title: &str, middle: f64, room: f64) {
+        const SIZE: f64 = 21.0;
+        /// More letters than fit into any picture.
+        const MOST: usize = 400;
+        let mut letters: Vec<char> = title.chars().take(MOST).collect();
+        let mut shown: String = letters.iter().collect();
+        while self.text_width(&shown, SIZE) > room && letters.pop().is_some() {
+            shown = letters.iter().chain(&['…']).collect();
+        }
+        self.text(&shown, [middle, 10.0], SIZE, INK, (HPos::Center, VPos::Top));
+    }
+
     fn font(&self, size: f64) -> FontDesc<'static> {
         (FONT, size * self.scale).into_font()
     }

@@ -214,7 +214,7 @@ impl Drawing for Chart<'_> {
 
     fn draw(&self, canvas: &mut Canvas) {
         let middle = LEFT + (WIDTH - LEFT - RIGHT) / 2.0;
-        canvas.text(&self.title, [middle, 10.0], 21.0, INK, (HPos::Center, VPos::Top));
+        canvas.title(&self.title, middle, 2.0 * middle.min(WIDTH - middle));
         let times = Ruler::over(0.0, self.duration_s(), 9.0);
         let mut top = self.panels_top();
         for panel in &self.panels {

@@ -184,8 +184,7 @@ impl Drawing for Picture<'_> {
             self.ends(canvas, track);
         }
         let middle = LEFT + self.layout.plot[0] / 2.0;
-        let title = (HPos::Center, VPos::Top);
-        canvas.text(&self.scene.title, [middle, 10.0], 21.0, INK, title);
+        canvas.title(&self.scene.title, middle, 2.0 * middle.min(self.size()[0] - middle));
         self.legend(canvas);
     }
 }

@@ -224,6 +224,10 @@ fn runs_of_several_missions_and_worlds_are_told_apart() {
         let title = page.split("<title>").nth(1).unwrap().split('<').next().unwrap().to_owned();
         (title, said.err)
     };
+    let long = "long ".repeat(60);
+    run(folder.path(), &["plot", "left.mcap", "-o", "long.svg", "--title", &long]).expect(0);
+    let picture = std::fs::read_to_string(folder.path().join("long.svg")).unwrap();
+    assert!(picture.contains('…') && !picture.contains(long.trim()), "a title is cut at its end");
     let same = title(&["left.mcap", "right.mcap"]);
     assert_eq!(same, ("left, right: map".to_owned(), String::new()));
     let (several, said) = title(&["left.mcap", "out/run.mcap"]);
@@ -394,6 +398,7 @@ fn several_recordings_are_replayed_one_after_the_other() {
         said.out.contains("right.mcap: ") && said.err.contains("1 of 2 recordings"),
         "{said:?}"
     );
+    assert!(said.err.starts_with("error: cannot use bad.mcap: "), "said once: {}", said.err);
     let nowhere = ["replay", "left.mcap", "--robot", "mapper", "--out", "none/made.mcap"];
     let said = run(folder.path(), &nowhere).expect(3).err;
     assert!(said.contains("none/made.mcap") && said.contains("try: a name in a folder"), "{said}");
@@ -602,6 +607,7 @@ fn the_commands_take_a_cut_file_and_say_so() {
         let plot = run(folder.path(), &["plot", "cut.mcap", "-o", "cut.svg"]).expect(drawn);
         assert!(plot.err.contains("cut"), "{percent} %: {}", plot.err);
         assert_eq!(plot.err.contains("neither path nor points"), percent == 1, "{}", plot.err);
+        assert_eq!(plot.err.contains("try: another recording"), percent == 1, "{}", plot.err);
         assert_eq!(folder.path().join("cut.svg").exists(), drawn == 0, "{percent} %");
         // One percent is still inside the beginning, which says what the run was.
         let replay =
