@@ -62,7 +62,7 @@ impl Planner {
         None
     }
 
-    /// Goes on from a place on the way home, back to the robot, and measures it.
+    /// Measures the way home, from a place on it back to the robot.
     pub(super) fn measure_home(&mut self, mut at: u16, mut way_m: f64) {
         for _ in 0..TRACED_CELLS {
             let kind = self.survey.kind(at);

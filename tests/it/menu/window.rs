@@ -64,7 +64,7 @@ impl Terminal {
     fn page(&self) -> String {
         let written = self.written();
         let page = written.rsplit_once("\x1b[H").map_or("", |(_, page)| page);
-        page.replace("\x1b[K", "").replace('\r', "")
+        page.replace("\x1b[K", "").replace("\x1b[J", "").replace('\r', "")
     }
 
     #[track_caller]
