@@ -61,6 +61,9 @@
 //!   gains of twice as much, none at all, not to stay with the last goal: the mean coverage changes
 //!   by less than half a per cent. Half again as much for how far from home it is: up to 2 % more
 //!   in two worlds, 4 % less where three rooms lie in a row.
+//! - To take the goal that the shortest tour over up to 24 of them begins with, which ends at home
+//!   (cheapest insertion, then 2-opt; ways between goals straight): of 160 runs of 300 s 95.3 % of
+//!   the wall for 95.7 %.
 //! - 0.06 m/s on narrow ways, or to take a way as wide though nothing was heard through it: none.
 //! - A way counts as narrow where beams from one direction alone went through, of four by 45°: a
 //!   fifth of the collisions above 5 cm/s in 240 runs of 300 s, as it is slow there, and 6 to 10 %

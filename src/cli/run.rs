@@ -32,7 +32,7 @@ pub(super) mod page;
 mod through;
 
 /// Run a mission here, in the foreground, and record it; where a service lives on the brick,
-/// through it.
+/// through it. The end of this command, of whatever kind, stops the robot.
 ///
 /// Examples:
 ///   onbrick run map                        on the brick, with the robot of robot.toml
