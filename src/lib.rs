@@ -70,14 +70,14 @@
 //! orders and events on. Each beats, and listens to the other: when control is gone or hung
 //! ([`runtime::Watch`]), the guard kills it, so that one that wakes up cannot renew a lease, brakes
 //! the motors at once, and again when control is gone. When the guard is gone or hung
-//! ([`runtime::Pulse`]), control stops the run. When the starter is gone, the guard has control
-//! stop, unless the job says otherwise. A run that does not stop within 0.7 s when it is asked to
-//! is ended by force ([`runtime::evict()`]), by the one that asked: the lock names both processes.
-//! When both are killed at once, the starter brakes the motors; when all three are, the leases end.
-//! The guard has a higher real-time priority than control, control may not spin for more than 0.2
-//! s, and where neither is permitted, as on most PCs, the log says so. A simulated brick lives
-//! inside control, and has no guard; with `run --page` it and its control are threads of the
-//! command, so that the page can look into the simulation.
+//! ([`runtime::Pulse`]), control stops the run. When the starter is gone, or hangs for 5 s, the guard
+//! has control stop, unless the job says otherwise. A run that does not stop within 0.7 s when it is
+//! asked to is ended by force ([`runtime::evict()`]), by the one that asked: the lock names both
+//! processes. When both are killed at once, the starter brakes the motors; when all three are, the
+//! leases end. The guard has a higher real-time priority than control, control may not spin for
+//! more than 0.2 s, and where neither is permitted, as on most PCs, the log says so. A simulated
+//! brick lives inside control, and has no guard; with `run --page` it and its control are threads
+//! of the command, so that the page can look into the simulation.
 //!
 //! `onbrick serve` starts the same processes for the clients of its transports ([`service`]); the
 //! processes do not need it, and a restarted service finds a run in progress.
@@ -110,10 +110,10 @@
 //! `run-timed` for 300 ms, renewed about every 100 ms while the loop is healthy, ramps 0, stop
 //! action brake. A position is reached by deciding the speed tick by tick. A process that is killed
 //! or hangs therefore leaves motors that stop by themselves. On every other way out - the mission's
-//! end, an error, a panic in any of its threads, SIGINT, SIGTERM, SIGHUP, Enter or Back on the
-//! brick - control stops them itself. A battery that gets low ([`robot::BatteryLimits`]) slows the
-//! robot down and then ends the run. A lock that names its owner gives the hardware to one run at a
-//! time; between runs nothing of ours touches a motor.
+//! end, an error, a panic in any of its threads, a signal of [`runtime::STOP_SIGNALS`], Enter or
+//! Back on the brick - control stops them itself. A battery that gets low
+//! ([`robot::BatteryLimits`]) slows the robot down and then ends the run. A lock that names its
+//! owner gives the hardware to one run at a time; between runs nothing of ours touches a motor.
 //!
 //! Each tick also checks one aspect of one motor, in turn, and before each command everything of
 //! that motor is checked. A motor that another program has commanded or reset, or whose settings it

@@ -56,7 +56,7 @@ pub use battery::{Charge, HOLD_NS, SLOW_SHARE};
 pub use child::{
     Order, RunError, RunProcess, StartError, StopBy, Stopper, never_wait, obey, read_job,
 };
-pub use control::{Control, StopFlags, Tally};
+pub use control::{Control, STOP_SIGNALS, StopFlags, Tally};
 pub use environment::{CreateSink, Environment, SeeTruth, Truth};
 pub use evict::{OrphansError, PATIENCE_NS, evict, signal, stop_orphans};
 pub use execute::{Refused, execute};
@@ -205,7 +205,8 @@ pub enum Lock {
     Inherited,
 }
 
-/// What becomes of a run when its starter is gone: when the pipe of its orders closes.
+/// What becomes of a run when its starter is gone or hangs: when the pipe of its orders closes, or
+/// events stay without an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum WhenAbandoned {

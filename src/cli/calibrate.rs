@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::brick::{BrickFiles, brick_is_there};
 use super::common::load_robot;
 use super::setup::not_written;
-use super::terminal::{Terminal, stop_flags};
+use super::terminal::{Terminal, driving_flags};
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::MonotonicClock;
 use crate::commissioning::{ApplyError, CalibrateError, CalibrateOptions, Straight};
@@ -88,7 +88,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let robot = load_robot(Some(&arguments.robot))?;
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
     brick_is_there(&tree)?;
-    let flags = stop_flags()?;
+    let flags = driving_flags()?;
     let _lock = HardwareLock::take(arguments.brick.root(), "onbrick calibrate")
         .context(Exit::Refused, "the robot is taken")
         .hint("onbrick halt")?;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::brick::brick_is_there;
 use super::common::WRITABLE;
-use super::terminal::{Terminal, stop_flags};
+use super::terminal::{Terminal, driving_flags};
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::MonotonicClock;
 use crate::commissioning::SetupError;
@@ -49,7 +49,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
     brick_is_there(&tree)?;
-    let flags = stop_flags()?;
+    let flags = driving_flags()?;
     let _lock = HardwareLock::take(&arguments.brick, "onbrick setup")
         .context(Exit::Refused, "the robot is taken")
         .hint("onbrick halt")?;

@@ -11,13 +11,13 @@ use std::sync::Arc;
 
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use super::output::safe;
 use super::{Context, Exit, Failure};
 use crate::commissioning::{Dialogue, NoAnswer};
-use crate::runtime::StopFlags;
+use crate::runtime::{STOP_SIGNALS, StopFlags};
 
 /// How long a nap is, milliseconds.
 const NAP_MS: u8 = 100;
@@ -174,7 +174,12 @@ fn chosen(answer: &str, choices: &[&str], default: usize) -> Option<usize> {
     fitting.next().is_none().then_some(choice)
 }
 
-/// Flags that Ctrl-C, SIGTERM and SIGHUP raise.
+/// Flags that the signals that stop a run raise: for a command that turns motors itself.
+pub(super) fn driving_flags() -> Result<StopFlags, Failure> {
+    StopFlags::on_signals().context(Exit::Failed, NO_SIGNALS)
+}
+
+/// Flags that Ctrl-C, SIGTERM and SIGHUP raise; Ctrl-Z suspends as usual.
 pub(super) fn stop_flags() -> Result<StopFlags, Failure> {
     let flags = StopFlags::default();
     for signal in [SIGINT, SIGTERM, SIGHUP] {
@@ -184,10 +189,10 @@ pub(super) fn stop_flags() -> Result<StopFlags, Failure> {
     Ok(flags)
 }
 
-/// Ctrl-C, Ctrl-\, Ctrl-Z, SIGTERM and SIGHUP as they come: a process that drives a robot does not
-/// leave its terminal while the robot drives on.
+/// The signals that stop a run, as they come: a process that drives a robot does not leave its
+/// terminal while the robot drives on.
 pub(super) fn signals() -> Result<Signals, Failure> {
-    Signals::new([SIGINT, SIGQUIT, SIGTSTP, SIGTERM, SIGHUP]).context(Exit::Failed, NO_SIGNALS)
+    Signals::new(STOP_SIGNALS).context(Exit::Failed, NO_SIGNALS)
 }
 
 const NO_SIGNALS: &str = "cannot listen to signals";

@@ -39,11 +39,11 @@ pub enum StopReason {
     #[serde(rename = "menu closed")]
     #[error("the brick's menu is gone")]
     MenuClosed,
-    /// SIGINT, SIGTERM or SIGHUP, at one of the run's processes.
+    /// A signal that ends or suspends a program, at one of the run's processes.
     #[error("stopped by a signal")]
     Signal,
-    /// The process that started the run is gone.
-    #[error("the process that started the run is gone")]
+    /// The process that started the run is gone, or hangs.
+    #[error("the process that started the run is gone, or hangs")]
     Abandoned,
     /// Another program has commanded or reset a motor of ours.
     #[error("stopped from outside: another program commands the {0}")]

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use arrayvec::{ArrayString, ArrayVec};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP};
 
 use crate::behavior::demands::SAY_BYTES;
 use crate::behavior::{Demands, MAX_MACHINES, Taken};
@@ -33,10 +33,14 @@ use crate::recording::{Level, MAX_LOG_BYTES, STALL_NS, TickSide};
 /// How often the pilot's state goes into the recording, nanoseconds.
 const CHECKPOINT_NS: i64 = 1_000_000_000;
 
+/// Signals that stop a run at whichever of its processes they come to. A terminal sends Ctrl-C,
+/// Ctrl-\ and Ctrl-Z to all of them: one that was suspended could not stop the motors.
+pub const STOP_SIGNALS: [i32; 5] = [SIGINT, SIGQUIT, SIGTSTP, SIGTERM, SIGHUP];
+
 /// What asks a run to stop from outside the tick.
 #[derive(Debug, Clone, Default)]
 pub struct StopFlags {
-    /// SIGINT, SIGTERM or SIGHUP came.
+    /// One of [`STOP_SIGNALS`] came.
     pub signal: Arc<AtomicBool>,
     /// The starter is gone.
     pub abandoned: Arc<AtomicBool>,
@@ -59,15 +63,15 @@ pub struct StopFlags {
 }
 
 impl StopFlags {
-    /// Flags that signals raise from now on: SIGINT, SIGTERM and SIGHUP, and those with which a
-    /// service stops a run that it has found, and to which it has no pipe ([`StopBy::signal`]).
+    /// Flags that signals raise from now on: [`STOP_SIGNALS`], and those with which a service stops
+    /// a run that it has found, and to which it has no pipe ([`StopBy::signal`]).
     ///
     /// # Errors
     ///
     /// The kernel does not take the handlers.
     pub fn on_signals() -> io::Result<Self> {
         let flags = Self::default();
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
+        for signal in STOP_SIGNALS {
             signal_hook::flag::register(signal, Arc::clone(&flags.signal))?;
         }
         for by in [StopBy::Remote, StopBy::Here, StopBy::MenuClosed] {

@@ -38,7 +38,7 @@ pub struct Config {
     pub quota_bytes: u64,
     /// How often a recording is brought to the disk, nanoseconds.
     pub sync_ns: i64,
-    /// What a run does when the service dies.
+    /// What a run does when the service dies or hangs.
     pub when_service_dies: WhenAbandoned,
     /// What a run does when the menu closes.
     pub when_menu_closes: WhenAbandoned,

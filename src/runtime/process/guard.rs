@@ -6,9 +6,10 @@
 //! guard is gone and control is still stopping.
 //!
 //! When control is gone or hung: SIGKILL first, then the motors at once; and the motors again once
-//! it is gone, because what it was in the middle of may have been a command. Signals that end a
-//! program are orders to stop the run. The guard beats, too: when it is killed or hangs, control
-//! stops the run.
+//! it is gone, because what it was in the middle of may have been a command. Signals that end or
+//! suspend a program are orders to stop the run. The guard beats, too: when it is killed or hangs, control
+//! stops the run. A starter that is gone, or has not answered an event for five seconds, is taken to
+//! have abandoned its run.
 
 use std::io::{self, BufReader, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -21,7 +22,6 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::wait::{Id, WaitPidFlag, WaitStatus, waitid};
 use nix::unistd::Pid;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::{BEAT_NS, ProcessError, fatal, urgency};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
@@ -30,8 +30,8 @@ use crate::printable::json_line;
 use crate::robot::{brake_all, still};
 use crate::runtime::child::spawn_process;
 use crate::runtime::{
-    Brick, Event, HardwareLock, Job, Lines, Lock, Order, Refused, StopBy, Watch, WhenAbandoned,
-    never_wait, read_job,
+    Brick, Event, HardwareLock, Job, Lines, Lock, Order, Refused, STOP_SIGNALS, StopBy, Watch,
+    WhenAbandoned, never_wait, read_job,
 };
 
 /// How much is kept for a reader that lags, bytes: beyond, statuses are left out.
@@ -39,6 +39,10 @@ const MOST_KEPT: usize = 64 << 10;
 
 /// How long the last words wait for a reader that lags, nanoseconds.
 const PATIENCE_NS: i64 = 2 * SECOND_NS;
+
+/// How long the starter has to answer an event, nanoseconds: it has no real-time priority, and on a
+/// brick its memory and its log may have to wait for a slow card.
+const HUNG_NS: i64 = 5 * SECOND_NS;
 
 /// How long a killed process is waited for, nanoseconds: one that sits in a system call is gone
 /// when that ends.
@@ -84,7 +88,7 @@ pub fn guard() -> Result<(), ProcessError> {
 /// Each of these signals becomes a byte that can be waited for.
 fn signals() -> io::Result<UnixStream> {
     let (heard, raised) = UnixStream::pair()?;
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
+    for signal in STOP_SIGNALS {
         signal_hook::low_level::pipe::register(signal, raised.try_clone()?)?;
     }
     heard.set_nonblocking(true)?;
@@ -96,6 +100,8 @@ struct Starter {
     orders: Lines,
     /// What is still to be written.
     kept: Vec<u8>,
+    /// Since when an event that it was told has no answer.
+    unanswered_ns: Option<i64>,
     /// It gives no more orders, or reads no more.
     gone: bool,
     /// It reads no more.
@@ -109,7 +115,7 @@ impl Starter {
         orders.push(input.buffer());
         never_wait(io::stdout().as_fd())?;
         never_wait(io::stdin().as_fd())?;
-        Ok(Self { orders, kept: Vec::new(), gone: false, deaf: false })
+        Ok(Self { orders, kept: Vec::new(), unanswered_ns: None, gone: false, deaf: false })
     }
 
     /// Passes an event on: at once, later, or, a status that is followed by others anyway, not at
@@ -119,6 +125,7 @@ impl Starter {
             return;
         }
         self.kept.extend(json_line(event).into_iter().flatten());
+        self.unanswered_ns.get_or_insert(MonotonicClock.now_ns());
         self.write();
     }
 
@@ -157,6 +164,18 @@ impl Starter {
     /// Reads what has come; the pipe is at its end when the starter is gone.
     fn read(&mut self) {
         self.gone |= take_in(io::stdin().as_fd(), &mut self.orders);
+    }
+
+    /// Whatever it says is an answer.
+    fn next_line(&mut self) -> Option<Vec<u8>> {
+        let line = self.orders.next_line()?;
+        self.unanswered_ns = None;
+        Some(line)
+    }
+
+    /// It is gone, or hangs.
+    fn has_abandoned(&self, now_ns: i64) -> bool {
+        self.gone || self.unanswered_ns.is_some_and(|since_ns| now_ns - since_ns >= HUNG_NS)
     }
 }
 
@@ -281,7 +300,7 @@ impl Guard {
             self.pass_orders_on();
         }
         self.starter.write();
-        if self.starter.gone
+        if self.starter.has_abandoned(now_ns)
             && let Some(order) = self.abandoned.take()
         {
             self.order(order);
@@ -295,7 +314,7 @@ impl Guard {
     }
 
     fn pass_orders_on(&mut self) {
-        while let Some(line) = self.starter.orders.next_line() {
+        while let Some(line) = self.starter.next_line() {
             if let Ok(order) = serde_json::from_slice(&line) {
                 self.order(order);
             }

@@ -87,7 +87,7 @@ impl Running {
         Self { brick, folder, child }
     }
 
-    fn parent(&self) -> Pid {
+    fn starter(&self) -> Pid {
         Pid::from_raw(i32::try_from(self.child.id()).unwrap())
     }
 
@@ -109,7 +109,7 @@ impl Running {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.control())).unwrap();
         let parent = status.lines().find_map(|line| line.strip_prefix("PPid:")).unwrap();
         let parent = Pid::from_raw(parent.trim().parse().unwrap());
-        assert_ne!(parent, self.parent(), "the guard is a process of its own");
+        assert_ne!(parent, self.starter(), "the guard is a process of its own");
         parent
     }
 
@@ -148,7 +148,7 @@ fn a_second_run_is_refused_whatever_path_leads_to_the_brick() {
         let said = String::from_utf8_lossy(&second.stderr);
         assert_eq!(second.status.code(), Some(3), "{said}");
         assert!(said.contains("the motors belong to mission straight"), "{said}");
-        kill(running.parent(), Signal::SIGTERM).unwrap();
+        kill(running.starter(), Signal::SIGTERM).unwrap();
         running.finish();
     });
 }
@@ -160,9 +160,9 @@ fn every_signal_to_either_process_stops_the_motors_and_ends_the_run_in_order() {
             let running = Running::start(DRIVE);
             running.brick.await_driving();
             let control = running.control();
-            assert_ne!(control, running.parent(), "control is a process of its own");
+            assert_ne!(control, running.starter(), "control is a process of its own");
             let sent = Instant::now();
-            kill(if to_control { control } else { running.parent() }, signal).unwrap();
+            kill(if to_control { control } else { running.starter() }, signal).unwrap();
             await_that("every motor is still", || running.brick.is_still());
             let took = sent.elapsed();
             let (brick, said, recorded) = running.finish();
@@ -219,15 +219,40 @@ fn buttons_and_a_speaker_with_other_names_stop_the_run_and_beep() {
 }
 
 #[test]
-fn promise_1_the_run_stops_when_its_starter_is_killed() {
-    patiently("promise_1_the_run_stops_when_its_starter_is_killed", || {
-        let mut running = Running::start(DRIVE);
-        running.brick.await_driving();
-        running.child.kill().unwrap();
-        await_that("every motor is still", || running.brick.is_still());
-        let (brick, _, recorded) = running.finish();
-        assert_eq!(brick.commands(), ["stop"; 3]);
-        assert_eq!(recorded.ending.unwrap().stop.to_string(), StopReason::Abandoned.to_string());
+fn promise_1_the_run_stops_when_its_starter_is_killed_or_hangs() {
+    patiently("promise_1_the_run_stops_when_its_starter_is_killed_or_hangs", || {
+        for signal in [Signal::SIGKILL, Signal::SIGSTOP] {
+            let running = Running::start(DRIVE);
+            running.brick.await_driving();
+            kill(running.starter(), signal).unwrap();
+            await_that("every motor is still", || running.brick.is_still());
+            kill(running.starter(), Signal::SIGCONT).unwrap();
+            let (brick, said, recorded) = running.finish();
+            assert_eq!(brick.commands(), ["stop"; 3], "{signal}");
+            let why = StopReason::Abandoned.to_string();
+            assert_eq!(recorded.ending.unwrap().stop.to_string(), why, "{signal}");
+            if signal == Signal::SIGSTOP {
+                assert_eq!(said.code, Some(1), "{}", said.err);
+                assert!(said.err.contains(&why), "{}", said.err);
+            }
+        }
+    });
+}
+
+#[test]
+fn promise_1_a_key_of_the_terminal_stops_the_run_though_all_its_processes_hear_it() {
+    patiently("promise_1_a_key_of_the_terminal_stops_the_run", || {
+        for signal in [Signal::SIGINT, Signal::SIGQUIT, Signal::SIGTSTP] {
+            let running = Running::start(DRIVE);
+            running.brick.await_driving();
+            for process in [running.control(), running.guard(), running.starter()] {
+                kill(process, signal).unwrap();
+            }
+            let (brick, said, recorded) = running.finish();
+            assert_eq!(said.code, Some(0), "{signal}: {}", said.err);
+            assert_eq!(brick.commands(), ["stop"; 3], "{signal}");
+            assert_eq!(recorded.ending.unwrap().stop.reason, StopReason::Signal, "{signal}");
+        }
     });
 }
 
@@ -340,7 +365,7 @@ fn promise_1_whoever_asks_a_run_to_stop_whose_guard_and_control_hang_ends_it_by_
             };
             let signal = |signal| {
                 move |running: &Running| {
-                    kill(running.parent(), signal).unwrap();
+                    kill(running.starter(), signal).unwrap();
                     None
                 }
             };
@@ -407,7 +432,7 @@ fn promise_10_halt_frees_a_brick_whose_guard_hangs_over_a_dead_control() {
         assert_eq!(said.code, Some(1), "{}", said.err);
         let again = Running::on(brick, DRIVE);
         again.brick.await_driving();
-        kill(again.parent(), Signal::SIGTERM).unwrap();
+        kill(again.starter(), Signal::SIGTERM).unwrap();
         assert_eq!(again.finish().1.code, Some(0), "a new run has the hardware");
     });
 }
@@ -442,7 +467,7 @@ fn promise_1_the_guard_brakes_before_a_killed_control_is_reaped() {
 /// Kills all of the run's processes at once: starter and guard are stopped first, so that neither
 /// sees another one go.
 fn kill_all(running: &Running) {
-    let (control, guard, starter) = (running.control(), running.guard(), running.parent());
+    let (control, guard, starter) = (running.control(), running.guard(), running.starter());
     for process in [starter, guard] {
         kill(process, Signal::SIGSTOP).unwrap();
     }
