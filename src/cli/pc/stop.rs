@@ -20,9 +20,20 @@ pub(in crate::cli) struct Arguments {
     run: Option<RunId>,
 }
 
+/// What stops a brick that does not answer.
+const WITHOUT_NETWORK: &str =
+    "press Enter or Back on the brick, or run `onbrick halt` there, over ssh";
+
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let asking = arguments.bricks.asking(Unnamed::All)?;
-    let answers = asking.ask(|client, _| client.stop(arguments.run.as_ref()));
+    let mut answers = asking.ask(|client, _| client.stop(arguments.run.as_ref()));
+    for (_, answer) in &mut answers {
+        if let Err(failure) = answer
+            && failure.exit == Exit::NoAnswer
+        {
+            failure.hint = Some(WITHOUT_NETWORK.to_owned());
+        }
+    }
     let mut turning = Vec::new();
     conclude(answers, output, |output, brick, stopped| {
         let text = match &stopped.run {

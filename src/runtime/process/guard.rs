@@ -7,9 +7,9 @@
 //!
 //! When control is gone or hung: SIGKILL first, then the motors at once; and the motors again once
 //! it is gone, because what it was in the middle of may have been a command. Signals that end or
-//! suspend a program are orders to stop the run. The guard beats, too: when it is killed or hangs, control
-//! stops the run. A starter that is gone, or has not answered an event for five seconds, is taken to
-//! have abandoned its run.
+//! suspend a program are orders to stop the run. The guard beats, too: when it is killed or hangs,
+//! control stops the run. A starter that is gone, or has not answered an event for five seconds, is
+//! taken to have abandoned its run.
 
 use std::io::{self, BufReader, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};

@@ -133,7 +133,8 @@ fn refusals_and_silence_have_exit_codes_and_a_way_out() {
     service.done(&["key", "authorise", &key, "--name", "anna", "--keys", &keys]);
     service.done(&["status", "sim"]);
     service.kill();
-    refused(service.pc(&["stop", "--timeout", "1"]), 4, "no answer from");
+    refused(service.pc(&["status", "--timeout", "1"]), 4, "no answer from");
+    refused(service.pc(&["stop", "--timeout", "1"]), 4, "`onbrick halt` there, over ssh");
     refused(service.pc(&["pair", &service.address, "--timeout", "1"]), 4, "was not introduced");
     refused(service.pc(&["pair", &service.address, "--timeout", "1"]), 4, "HOST:PORT");
     let of_requests = format!("{}:5670", service.address);
