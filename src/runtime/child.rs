@@ -8,10 +8,11 @@
 //! ([`Watch`](super::Watch)). A simulated brick lives inside control, and needs no guard. Each
 //! starter and the process that it started talk over two pipes, in lines of JSON:
 //!
-//! - its standard input: the [`Job`], then [`Order`]s as they come, and an empty line for each event
-//!   that the starter has dealt with; control's has an empty line each 20 ms or so instead, the
-//!   guard's heartbeat ([`Pulse`](super::Pulse)). When this pipe closes, the starter is gone; when
-//!   an event stays without an answer, it hangs. What happens then is [`Job::when_abandoned`].
+//! - its standard input: the [`Job`], then [`Order`]s as they come, and an empty line for each
+//!   event that the starter has dealt with; control's has an empty line each 20 ms or so instead,
+//!   the guard's heartbeat ([`Pulse`](super::Pulse)). When this pipe closes, the starter is gone;
+//!   when an event stays without an answer, it hangs. What happens then is
+//!   [`Job::when_abandoned`].
 //! - its standard output: an empty line for each tick (the heartbeat) and [`Event`]s, of which the
 //!   last is [`Event::Ended`] or [`Event::Refused`].
 //!
@@ -185,8 +186,8 @@ impl RunProcess {
 
     /// Waits for the next event, and skips heartbeats; `None` when the run's processes are gone.
     ///
-    /// To ask for the next one says that the last one is dealt with: a starter that does not ask for
-    /// seconds is taken to hang.
+    /// To ask for the next one says that the last one is dealt with: a starter that does not ask
+    /// for seconds is taken to hang.
     pub fn next_event(&mut self) -> Option<Event> {
         self.stopper.answer();
         let mut line = String::new();

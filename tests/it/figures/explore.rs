@@ -279,7 +279,8 @@ fn summary(name: &str, explored: impl Fn(u64) -> Figures, seeds: u64) -> Summary
         "{name}, {count} seeds: coverage {:.1} % (at least 95 % in {:.0} % of the runs), by what \
          was heard within 5 minutes {:.1} % ({:.0} %); points under 5 cm {:.0} %, moved {:.0} %, \
          standing {:.0} %, turned {:.0} %; occupied cells under 5 cm {:.0} %, {:.0} % of the wall \
-         has one; home by truth {:.0} %, by odometry {:.0} %; {} contacts, {} collisions, {} stalls",
+         has one; home by truth {:.0} %, by odometry {:.0} %; {} contacts, {} \
+         collisions, {} stalls",
         summary.coverage * 100.0,
         share(&|figures| figures.coverage >= 0.95) * 100.0,
         soon * 100.0,
