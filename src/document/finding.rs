@@ -177,14 +177,18 @@ pub fn nearest<'c>(word: &str, candidates: impl IntoIterator<Item = &'c str>) ->
     /// What begins alike passes that, however it continues: at least this part of the letters must
     /// be the same, but for the beginning of a longer name.
     const SAME: f64 = 0.4;
-    let is_slip = |name: &&str| {
-        (word.len() > 1 && name.starts_with(word))
-            || strsim::normalized_damerau_levenshtein(word, name) >= SAME
+    let edits = |name: &str| match word.len() > 1 && name.starts_with(word) {
+        true => Some(0),
+        false => (strsim::normalized_damerau_levenshtein(word, name) >= SAME)
+            .then(|| strsim::damerau_levenshtein(word, name)),
     };
-    let candidates = candidates.into_iter().filter(is_slip);
-    let scored = candidates.map(|name| (strsim::jaro_winkler(word, name), name));
-    let best = scored.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (best.0 >= NEAR).then(|| format!("did you mean `{}`?", best.1))
+    let scored = candidates.into_iter().filter_map(|name| {
+        let similarity = strsim::jaro_winkler(word, name);
+        (similarity >= NEAR).then_some((edits(name)?, similarity, name))
+    });
+    // Jaro-Winkler alone prefers a common beginning to fewer edits.
+    let best = scored.max_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)))?;
+    Some(format!("did you mean `{}`?", best.2))
 }
 
 /// As [`nearest`]; where none is near enough all of them, behind `words`.
@@ -244,5 +248,17 @@ mod tests {
         );
         assert_eq!(nearest("zebra", ["forward", "halt"]), None);
         assert_eq!(nearest("x", []), None);
+    }
+
+    #[test]
+    fn the_nearest_name_takes_the_fewest_edits_and_the_beginning_of_a_name_none() {
+        for (word, candidates, expected) in [
+            ("headin_deg", ["heading_deg", "head_deg"], "heading_deg"),
+            ("left", ["lift", "left_dps"], "left_dps"),
+            ("rang", ["ranges_m", "range_m"], "range_m"),
+        ] {
+            let nearest = nearest(word, candidates);
+            assert_eq!(nearest, Some(format!("did you mean `{expected}`?")), "{word}");
+        }
     }
 }
