@@ -26,8 +26,12 @@ pub(super) fn explain(text: &str, place: &Range<usize>, said: &str) -> Explained
     let found = if said.starts_with("duplicate key") {
         twice(text, at)
     } else {
-        open_text(text, at)
+        curly_quotes(text, at)
+            .or_else(|| open_text(text, at))
+            .or_else(|| no_value(text, at))
             .or_else(|| bare_point(text, at))
+            .or_else(|| bare_list(text, at))
+            .or_else(|| bracketed_keys(text, at))
             .or_else(|| decimal_comma(text, at))
             .or_else(|| colon(text, at))
             .or_else(|| quotes_inside(text, at))
@@ -115,6 +119,23 @@ fn twice(text: &str, at: usize) -> Option<Explained> {
     })
 }
 
+/// Quotes as word processors write them.
+fn curly_quotes(text: &str, at: usize) -> Option<Explained> {
+    let line = line_of(text, at);
+    let (code, _) = code(&text[line.clone()]);
+    let is_curly = |letter: char| "“”„‘’".contains(letter);
+    let start = code.find(is_curly)?;
+    let word = code[start..].trim_start_matches(is_curly);
+    let word = &word[..word.find(is_curly)?];
+    let end = code[start..].rfind(is_curly).map_or(code.len(), |last| start + last);
+    let place = line.start + start..text.ceil_char_boundary(line.start + end + 1);
+    Some(Explained {
+        place,
+        message: "these are not the quotes of a text".to_owned(),
+        hint: format!("write straight quotes: `\"{word}\"`"),
+    })
+}
+
 /// A text that is not closed in its line.
 fn open_text(text: &str, at: usize) -> Option<Explained> {
     let line = line_of(text, at);
@@ -123,6 +144,72 @@ fn open_text(text: &str, at: usize) -> Option<Explained> {
         place: start..line.end,
         message: "this text is not closed".to_owned(),
         hint: "put a `\"` where it ends".to_owned(),
+    })
+}
+
+/// A key with nothing behind its `=`.
+fn no_value(text: &str, at: usize) -> Option<Explained> {
+    let line = line_of(text, at);
+    let (code, _) = code(&text[line.clone()]);
+    let equals = code.match_indices('=').map(|(equals, _)| equals).find(|equals| {
+        let after = code[equals + 1..].trim_start();
+        let is_comparison = code[..*equals].ends_with(['=', '<', '>', '!']);
+        !is_comparison && (after.is_empty() || after.starts_with([',', '}', ']']))
+    })?;
+    let key = code[..equals].trim_end();
+    let start = key.rfind([' ', '{', ',']).map_or(0, |before| before + 1);
+    Some(Explained {
+        place: line.start + start..line.start + equals + 1,
+        message: "a value is missing".to_owned(),
+        hint: format!("write what `{}` is behind its `=`", &key[start..]),
+    })
+}
+
+/// Numbers with commas between them behind `=`.
+fn bare_list(text: &str, at: usize) -> Option<Explained> {
+    let line = line_of(text, at);
+    let (code, _) = code(&text[line.clone()]);
+    code.match_indices('=').find_map(|(equals, _)| {
+        let value = &code[equals + 1..];
+        let value = value[..value.find(['}', ']']).unwrap_or(value.len())].trim();
+        let numbers: Vec<&str> = value.split(',').map(str::trim).collect();
+        // `0,5` is a decimal comma.
+        let is_list = numbers.len() > 1 && value.contains(['.', ' ']);
+        if !is_list || !numbers.iter().all(|number| number.parse::<f64>().is_ok()) {
+            return None;
+        }
+        let start = line.start + equals + 1 + code[equals + 1..].find(value)?;
+        Some(Explained {
+            place: start..start + value.len(),
+            message: "a list needs brackets".to_owned(),
+            hint: format!("write `[{}]`", numbers.join(", ")),
+        })
+    })
+}
+
+/// Keys in brackets instead of braces: `do = [forward_mps = 0.1]`.
+fn bracketed_keys(text: &str, at: usize) -> Option<Explained> {
+    let line = line_of(text, at);
+    let (code, _) = code(&text[line.clone()]);
+    code.match_indices('[').find_map(|(open, _)| {
+        let before = code[..open].trim_end().strip_suffix('=')?.trim_end();
+        let close = open + code[open..].find(']')?;
+        let (key, _) = code[open + 1..close].split_once('=')?;
+        let in_key = |letter: char| letter.is_alphanumeric() || "_-.".contains(letter);
+        if key.trim().is_empty() || !key.trim().chars().all(in_key) {
+            return None;
+        }
+        let inner = text[line.start + open + 1..line.start + close].trim();
+        let hint = if before.ends_with("next") {
+            format!("write `[{{ {inner} }}]`")
+        } else {
+            format!("write `{{ {inner} }}`")
+        };
+        Some(Explained {
+            place: line.start + open..line.start + close + 1,
+            message: "keys with values stand in braces".to_owned(),
+            hint,
+        })
     })
 }
 
@@ -381,6 +468,42 @@ mod tests {
                 "b]",
             ),
             ("x = 1\ny = 2\nx = 3\n", "`x` is there twice", "the first one is in line 1", "x = 3"),
+            (
+                "do = { goto = 0.3, 0.2 }\n",
+                "a list needs brackets",
+                "write `[0.3, 0.2]`",
+                "0.3, 0.2 }",
+            ),
+            (
+                "do = { forward_mps = }\n",
+                "a value is missing",
+                "write what `forward_mps` is behind its `=`",
+                "forward_mps = }",
+            ),
+            (
+                "drive_m =\n",
+                "a value is missing",
+                "write what `drive_m` is behind its `=`",
+                "drive_m =",
+            ),
+            (
+                "do = { drive_m = , led = \"red\" }\n",
+                "a value is missing",
+                "write what `drive_m` is behind its `=`",
+                "drive_m = , led = \"red\" }",
+            ),
+            (
+                "led = “red”\n",
+                "these are not the quotes of a text",
+                "write straight quotes: `\"red\"`",
+                "“red”",
+            ),
+            (
+                "do = [forward_mps = 0.1]\n",
+                "keys with values stand in braces",
+                "write `{ forward_mps = 0.1 }`",
+                "[forward_mps = 0.1]",
+            ),
             ("x = 1 # }\n]\n", "", "", ""),
         ] {
             let (is_message, is_hint, is_place) = said(text);
