@@ -305,9 +305,9 @@ pub(super) fn ended(last: &LastStop, has_map: bool) -> Sheet {
 fn time_limit(limit_s: f64) -> Sheet {
     let limit = if limit_s > 0.0 { duration(limit_s) } else { "none".to_owned() };
     Sheet::new("Time limit")
-        .line("Each run ends after")
+        .line("The limit of each run is")
         .big(limit)
-        .line("at the latest. Up and Down change it, Enter sets it.")
+        .line("Up and Down change it, Enter sets it.")
 }
 
 fn pairing(pairing: Option<&Pairing>) -> Sheet {

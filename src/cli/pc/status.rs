@@ -82,7 +82,7 @@ pub(super) fn going(run: &RunStatus) -> String {
             )
         }
         (None, Some(waits)) => format!("waits: {waits}"),
-        (None, None) => "about to start".to_owned(),
+        (None, None) => "just begun".to_owned(),
     };
     format!("{} ({}), started {}: {how}", run.mission, run.run, whose(&run.by))
 }
