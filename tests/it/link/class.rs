@@ -298,8 +298,10 @@ fn a_class() {
         "/brick-image/missions/map.toml"
     ))
     .unwrap();
+    std::fs::write(class.path("missions/round.toml"), "name = \"elsewhere\"\n").unwrap();
     tab.eval("document.querySelector('textarea').select()");
     tab.text(&map);
+    tab.until("document.querySelector('#told').textContent.includes('changed elsewhere')");
     tab.until("document.querySelector('#verdict').dataset.good === 'true'");
     let kept = std::fs::read_dir(class.path("kept/round")).unwrap().count();
     assert!(kept >= 3, "each edit is kept: {kept}; the first: {whole}");

@@ -117,6 +117,15 @@ struct Text {
     text: String,
 }
 
+/// A mission that was edited, and its text as the page had it before.
+#[derive(Debug, Deserialize)]
+struct Saved {
+    #[serde(flatten)]
+    mission: Text,
+    #[serde(default)]
+    known: String,
+}
+
 #[derive(Debug, Deserialize)]
 struct StartOn {
     bricks: Vec<usize>,
@@ -192,8 +201,9 @@ fn done(hall: &Arc<Hall>, path: &[&str], text: &str) -> Result<Shown, String> {
         ["answer"] => hall.pairing.answer(text == "yes")?,
         ["close"] => hall.pairing.close()?,
         ["save"] => {
-            let Text { name, text } = read(text)?;
-            hall.missions.save(&name, &text)?;
+            let Saved { mission, known } = read(text)?;
+            let is_changed = hall.missions.save(&mission.name, &mission.text, &known)?;
+            return Ok(json(&Value::from(is_changed)));
         }
         ["check"] => {
             let Text { name, text } = read(text)?;

@@ -85,17 +85,21 @@ impl Missions {
     }
 
     /// Writes a mission's file, and keeps what was written, and what another editor had changed.
-    pub(super) fn save(&self, name: &str, text: &str) -> Result<(), String> {
+    /// True where the file was changed elsewhere: its text is none of these, and not `known`, as
+    /// which the page has it.
+    pub(super) fn save(&self, name: &str, text: &str, known: &str) -> Result<bool, String> {
         let name = named(name)?;
         if text.len() > MAX_MISSION_BYTES {
             return Err(format!("a mission has at most {MAX_MISSION_BYTES} bytes"));
         }
         let file = self.file(&name);
+        let mut is_changed = false;
         // What cannot be read cannot be kept, and is not written over.
         if let Some(before) = file.exists().then(|| text_of(&file)).transpose()? {
             if before == text {
-                return Ok(());
+                return Ok(false);
             }
+            is_changed = before != known;
             let newest = stems(&self.kept(&name)).pop();
             let newest = newest.map(|stamp| self.version(name.as_str(), &stamp)).transpose()?;
             if newest.as_ref() != Some(&before) {
@@ -103,7 +107,8 @@ impl Missions {
             }
         }
         self.keep(&name, "", text)?;
-        self.write(&file, text)
+        self.write(&file, text)?;
+        Ok(is_changed)
     }
 
     /// Keeps what is started on a brick.
@@ -257,12 +262,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let missions = Missions::below(folder.path());
         for bad in ["../x", "", "a/b", ".hidden", "a\nb"] {
-            assert!(missions.save(bad, "name = 1").is_err(), "{bad:?}");
+            assert!(missions.save(bad, "name = 1", "").is_err(), "{bad:?}");
             assert!(missions.version("mine", bad).is_err(), "{bad:?}");
         }
         assert_eq!(missions.list()["missions"], json!([]));
-        for text in ["one", "two", "two"] {
-            missions.save("mine", text).unwrap();
+        for (text, known) in [("one", ""), ("two", "one"), ("two", "one")] {
+            assert!(!missions.save("mine", text, known).unwrap(), "{text}");
         }
         missions.keep_started("mine", "ev3-blue", "two").unwrap();
         assert_eq!(missions.read("mine").unwrap(), "two");
@@ -275,13 +280,13 @@ mod tests {
 
         let file = folder.path().join("missions/mine.toml");
         std::fs::write(&file, "by an editor").unwrap();
-        missions.save("mine", "three").unwrap();
+        assert!(missions.save("mine", "three", "two").unwrap(), "it says that there was another");
         let kept = folder.path().join("kept/mine");
         let texts = stems(&kept).into_iter().map(|stamp| missions.version("mine", &stamp).unwrap());
         let texts: Vec<String> = texts.collect();
         assert_eq!(texts, ["one", "two", "two", "by an editor", "three"]);
         std::fs::write(&file, b"\xff").unwrap();
-        assert!(missions.save("mine", "four").is_err());
+        assert!(missions.save("mine", "four", "three").is_err());
         assert_eq!(std::fs::read(&file).unwrap(), b"\xff", "what cannot be kept stays");
     }
 

@@ -30,7 +30,9 @@ const place = (text, line, column) => {
 export async function save(more) {
   const { name, text, saved } = kept;
   if (!name || text === saved) return true;
-  const done = await post("save", { name, text }, more);
+  const changed = await askFor("save", { name, text, known: saved }, more);
+  if (changed) tell(`${name}.toml was changed elsewhere meanwhile; that text is kept, too`);
+  const done = changed !== undefined;
   if (done && kept.name === name) kept.saved = text;
   return done;
 }

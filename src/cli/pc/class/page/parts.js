@@ -53,7 +53,7 @@ const sent = async (path, value, more) => {
   return null;
 };
 export const post = async (path, value, more) => Boolean(await sent(path, value, more));
-export const askFor = async (path, value) => (await sent(path, value))?.json();
+export const askFor = async (path, value, more) => (await sent(path, value, more))?.json();
 
 export const seconds = (value) => {
   if (value < 10) return `${value.toFixed(1)} s`;
