@@ -54,7 +54,7 @@ use crate::clock::{MILLISECOND_NS, seconds};
 use crate::planning::{self, Clearance, Outcome, Plan, Request, View};
 use crate::units::within;
 use back_off::Way;
-use looking::{HEAD_NEAR_RAD, HeadAim};
+use looking::{HEAD_NEAR_RAD, HeadAim, MET_RAD};
 use tick::Tick;
 
 /// What is to be reached.
@@ -266,7 +266,7 @@ impl NavigationState {
         let drive = match self.phase {
             Phase::Begin => {
                 match order.goal {
-                    Goal::Explore { .. } => self.look_round(&tick, motion),
+                    Goal::Explore { .. } => self.look_round(&tick, motion, PI),
                     Goal::Place { .. } => self.ask(&tick, None, None),
                 }
                 Drive::STILL
@@ -319,7 +319,7 @@ impl NavigationState {
                 Phase::Arrive => self.face_end(tick, motion),
                 Phase::FaceEnd => self.phase = Phase::Done,
                 _ if matches!(tick.order.goal, Goal::Explore { .. }) => {
-                    self.look_round(tick, motion);
+                    self.look_round(tick, motion, MET_RAD);
                 }
                 _ => self.try_harder(tick, motion),
             }

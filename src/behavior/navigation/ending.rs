@@ -46,7 +46,7 @@ impl NavigationState {
                 let [x_m, y_m] = self.plan.goal();
                 let (_, bearing_rad) = tick.at.to(x_m, y_m);
                 if tick.limits.head_rad <= 0.0 {
-                    self.look_round(tick, motion);
+                    self.look_round(tick, motion, PI);
                 } else if bearing_rad.abs() > FACE_RAD {
                     let turn_rad = tick.turn_rad(bearing_rad);
                     self.begin(Phase::Face, motion, motion::Goal::Turn { turn_rad });
@@ -99,7 +99,7 @@ impl NavigationState {
         self.empty = self.empty.saturating_add(1);
         let most = DOUBTS[usize::from(matches!(tick.order.goal, Goal::Explore { .. }))];
         if self.empty == 1 {
-            self.look_round(tick, motion);
+            self.look_round(tick, motion, PI);
         } else if !self.is_tight {
             self.is_tight = true;
             self.ask(tick, None, None);
