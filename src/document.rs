@@ -538,7 +538,7 @@ error: unknown key `track_widht_m` in [drive]
         })
         .unwrap_err();
         assert_eq!(error.matches("error: ").count(), 4, "{error}");
-        assert!(error.contains("`a` must be a number, not a TOML string"), "{error}");
+        assert!(error.contains("`a` must be a number, not a text"), "{error}");
         assert!(error.contains("`b` is 5; it can be 0 to 1"), "{error}");
         assert!(error.contains("`c` is NaN; it can be 0 to 1"), "{error}");
         assert!(error.contains("`d` is missing"), "{error}");
@@ -576,7 +576,7 @@ error: unknown key `track_widht_m` in [drive]
             root.get("beep").and_then(|item| item.word(&[("ok", 1), ("error", 2)]))
         })
         .unwrap_err();
-        assert!(error.contains("must be text in quotes, not a TOML boolean"), "{error}");
+        assert!(error.contains("must be text in quotes, not true or false"), "{error}");
         assert!(error.contains("it can be \"ok\", \"error\"\n"), "{error}");
     }
 

@@ -32,6 +32,7 @@ pub(super) fn explain(text: &str, place: &Range<usize>, said: &str) -> Explained
             .or_else(|| bare_point(text, at))
             .or_else(|| bare_list(text, at))
             .or_else(|| bracketed_keys(text, at))
+            .or_else(|| bare_keys(text, at))
             .or_else(|| decimal_comma(text, at))
             .or_else(|| colon(text, at))
             .or_else(|| quotes_inside(text, at))
@@ -195,8 +196,7 @@ fn bracketed_keys(text: &str, at: usize) -> Option<Explained> {
         let before = code[..open].trim_end().strip_suffix('=')?.trim_end();
         let close = open + code[open..].find(']')?;
         let (key, _) = code[open + 1..close].split_once('=')?;
-        let in_key = |letter: char| letter.is_alphanumeric() || "_-.".contains(letter);
-        if key.trim().is_empty() || !key.trim().chars().all(in_key) {
+        if !is_key(key) {
             return None;
         }
         let inner = text[line.start + open + 1..line.start + close].trim();
@@ -207,10 +207,36 @@ fn bracketed_keys(text: &str, at: usize) -> Option<Explained> {
         };
         Some(Explained {
             place: line.start + open..line.start + close + 1,
-            message: "keys with values stand in braces".to_owned(),
+            message: IN_BRACES.to_owned(),
             hint,
         })
     })
+}
+
+/// A key with its value, and no braces around: `do = forward_mps = 0.1`.
+fn bare_keys(text: &str, at: usize) -> Option<Explained> {
+    let line = line_of(text, at);
+    let (code, _) = code(&text[line.clone()]);
+    let code = code.trim_end();
+    let (_, behind) = code.split_once('=')?;
+    let (key, value) = behind.split_once('=')?;
+    if !is_key(key) || value.starts_with('=') {
+        return None;
+    }
+    let end = line.start + code.len();
+    let start = end - behind.trim_start().len();
+    Some(Explained {
+        place: start..end,
+        message: IN_BRACES.to_owned(),
+        hint: format!("write `{{ {} }}`", &text[start..end]),
+    })
+}
+
+const IN_BRACES: &str = "keys with values stand in braces";
+
+fn is_key(text: &str) -> bool {
+    let in_key = |letter: char| letter.is_alphanumeric() || "_-.".contains(letter);
+    !text.trim().is_empty() && text.trim().chars().all(in_key)
 }
 
 /// A number that begins or ends with its point.
@@ -497,6 +523,12 @@ mod tests {
                 "these are not the quotes of a text",
                 "write straight quotes: `\"red\"`",
                 "“red”",
+            ),
+            (
+                "do = forward_mps = 0.1 # on\n",
+                "keys with values stand in braces",
+                "write `{ forward_mps = 0.1 }`",
+                "forward_mps = 0.1 # on",
             ),
             (
                 "do = [forward_mps = 0.1]\n",

@@ -51,8 +51,15 @@ impl<'d> Item<'d> {
 
     /// Adds the error that the value is of another kind than what is expected.
     pub(super) fn mistyped(&self, expected: &str) -> Noted<'d> {
-        let found = self.value.get_ref().type_str();
-        self.error(format!("`{}` must be {expected}, not a TOML {found}", self.path))
+        let found = match self.value.get_ref() {
+            DeValue::String(_) => "a text",
+            DeValue::Integer(_) | DeValue::Float(_) => "a number",
+            DeValue::Boolean(_) => "true or false",
+            DeValue::Datetime(_) => "a date",
+            DeValue::Array(_) => "a list",
+            DeValue::Table(_) => "a table",
+        };
+        self.error(format!("`{}` must be {expected}, not {found}", self.path))
     }
 
     /// How what was meant is written.
@@ -64,6 +71,14 @@ impl<'d> Item<'d> {
                 leading_number(text).map(|number| {
                     format!("write {number} without quotes; the unit is part of the name")
                 })
+            }
+            // "0.3, 0.2" is meant as a list.
+            DeValue::String(text) if expected.starts_with("a list") => {
+                let is_listed = text.chars().all(|letter| "0123456789.,- ".contains(letter));
+                is_listed.then(|| format!("write `[{text}]` without quotes"))
+            }
+            DeValue::Integer(_) | DeValue::Float(_) if expected.starts_with("a table") => {
+                Some("a table has keys, as in `{ key = 1, other = 2 }`".to_owned())
             }
             DeValue::Boolean(_) if expected.ends_with("number") => {
                 Some("write 1 for true and 0 for false".to_owned())

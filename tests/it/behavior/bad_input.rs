@@ -25,7 +25,7 @@ fn files_that_are_no_missions_are_refused_with_a_place() {
         (b"\0\0\0\0", "error"),
         (b"name = \"m\"\nname = \"n\"\n", "is there twice"),
         (b"{\"name\": \"m\"}", "error"),
-        (b"name = 5\nmachine = 5\n", "`machine` must be a table, not a TOML integer"),
+        (b"name = 5\nmachine = 5\n", "`machine` must be a table, not a number"),
         (b"name = \"m\"\nmachine = []\n", "must be a table"),
         (b"name = \"m\"\n[[machine]]\n", "must be a table"),
         (b"name = \"m\"\n[machine.a.state.b]\nnext = [5]\n", "must be a table"),
