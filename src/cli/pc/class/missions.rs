@@ -117,13 +117,11 @@ impl Missions {
     }
 
     fn keep(&self, name: &Name, behind: &str, text: &str) -> Result<(), String> {
-        let file = |stamp| self.kept(name).join(format!("{stamp}{behind}.toml"));
-        let mut stamp = wall_ns() / MILLISECOND_NS;
-        // Two may be kept in one millisecond.
-        while file(stamp).exists() {
-            stamp += 1;
-        }
-        self.write(&file(stamp), text)
+        let newest = stems(&self.kept(name)).pop();
+        let newest = newest.and_then(|stem| stem.split('-').next()?.parse::<i64>().ok());
+        // Later than all that is kept: two may be kept in one millisecond.
+        let stamp = (wall_ns() / MILLISECOND_NS).max(newest.map_or(0, |newest| newest + 1));
+        self.write(&self.kept(name).join(format!("{stamp}{behind}.toml")), text)
     }
 
     fn write(&self, file: &Path, text: &str) -> Result<(), String> {
