@@ -177,10 +177,12 @@ pub fn nearest<'c>(word: &str, candidates: impl IntoIterator<Item = &'c str>) ->
     /// What begins alike passes that, however it continues: at least this part of the letters must
     /// be the same, but for the beginning of a longer name.
     const SAME: f64 = 0.4;
-    let edits = |name: &str| match word.len() > 1 && name.starts_with(word) {
-        true => Some(0),
-        false => (strsim::normalized_damerau_levenshtein(word, name) >= SAME)
-            .then(|| strsim::damerau_levenshtein(word, name)),
+    let edits = |name: &str| {
+        if word.len() > 1 && name.starts_with(word) {
+            return Some(0);
+        }
+        let is_slip = strsim::normalized_damerau_levenshtein(word, name) >= SAME;
+        is_slip.then(|| strsim::damerau_levenshtein(word, name))
     };
     let scored = candidates.into_iter().filter_map(|name| {
         let similarity = strsim::jaro_winkler(word, name);

@@ -20,6 +20,9 @@ pub(super) struct Explained {
 /// How far before an error a brace that is left open is looked for, in lines.
 const LINES_BACK: usize = 20;
 
+/// What is said of keys that stand in brackets, or bare.
+const IN_BRACES: &str = "keys with values stand in braces";
+
 /// Explains the parser's first error.
 pub(super) fn explain(text: &str, place: &Range<usize>, said: &str) -> Explained {
     let at = text.floor_char_boundary(place.start.min(text.len()));
@@ -232,8 +235,7 @@ fn bare_keys(text: &str, at: usize) -> Option<Explained> {
     })
 }
 
-const IN_BRACES: &str = "keys with values stand in braces";
-
+/// Whether it can be a key without quotes, dots included.
 fn is_key(text: &str) -> bool {
     let in_key = |letter: char| letter.is_alphanumeric() || "_-.".contains(letter);
     !text.trim().is_empty() && text.trim().chars().all(in_key)

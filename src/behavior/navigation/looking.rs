@@ -20,7 +20,7 @@
 //! # Looks
 //!
 //! Where it stands to look, the head turns at the speed of the way (90 °/s, for 43 as else), and
-//! once it has backed off it looks to 60° of either side (for 90). Of 400 runs of 300 s in `arena`,
+//! once it has backed off it looks 60° to either side (for 90). Of 400 runs of 300 s in `arena`,
 //! with pillars, with slanted blocks and in rooms that chance drew: 1.0 % ± 0.2 more of the wall,
 //! 0.2 % ± 0.1 fewer points within 5 cm; at least 95 % of `arena` in 85 % of 80 runs, for 69. With
 //! the first look as fast, too, 3 of 80 runs among slanted blocks lost their heading.

@@ -307,6 +307,7 @@ fn figures_of_explore() {
     print_head();
     let mut near = [0.0; 4];
     let [mut contacts, mut collisions, mut runs] = [0; 3];
+    let [mut at_home, mut worlds] = [0.0; 2];
     let (arena, rooms) = (World::text("arena").unwrap(), World::text("rooms").unwrap());
     // The passage of `gap` is taken for closed in one run of fifteen, until the map is doubted for
     // the second time; what stands slanted in `slanted` is heard from few places.
@@ -333,10 +334,13 @@ fn figures_of_explore() {
         let [least_steady, least] = if is_long { [0.9, 0.8] } else { [0.5; 2] };
         assert!(steady.home[0] >= least_steady, "{name}: {} at home by truth", steady.home[0]);
         assert!(drifting.home[1] >= least, "{name}: {} at home by odometry", drifting.home[1]);
+        at_home += drifting.home[1];
+        worlds += 1.0;
         runs += usize::try_from(2 * seeds).unwrap();
         contacts += drifting.contacts + steady.contacts;
         collisions += drifting.collisions + steady.collisions;
     }
+    assert!(at_home >= 0.9 * worlds, "{at_home} of {worlds} at home by odometry");
     // Of 345 runs in these worlds and in rooms that chance draws, 52 contacts.
     println!("{contacts} contacts, {collisions} of them collisions, in {runs} runs");
     assert!(2 * contacts <= runs, "{contacts} contacts in {runs} runs");

@@ -85,8 +85,7 @@ impl Missions {
     }
 
     /// Writes a mission's file, and keeps what was written, and what another editor had changed.
-    /// True where the file was changed elsewhere: its text is none of these, and not `known`, as
-    /// which the page has it.
+    /// True where the file was changed elsewhere since the page had its text, `known`.
     pub(super) fn save(&self, name: &str, text: &str, known: &str) -> Result<bool, String> {
         let name = named(name)?;
         if text.len() > MAX_MISSION_BYTES {
