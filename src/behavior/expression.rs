@@ -295,6 +295,27 @@ impl Expression {
         })
     }
 
+    /// True where it takes a variable's value.
+    pub(super) fn takes(&self, variable: u8) -> bool {
+        let is_it =
+            |op: &Op| matches!(op, Op::Own { input, .. } if *input == Input::Variable(variable));
+        self.ops.iter().any(is_it)
+    }
+
+    /// True where it asks of what is sensed, and of nothing that changes as a state is entered once
+    /// more: what is measured since then, chance, a variable that is not one of `counted`.
+    pub(super) fn is_level(&self, counted: &[u8]) -> bool {
+        let stays = |op: &Op| match op {
+            Op::Signal(input) | Op::Own { input, .. } => match input {
+                Input::Variable(variable) => counted.contains(variable),
+                input => !input.is_since_entry(),
+            },
+            Op::Call { function, .. } => function.is_pure(),
+            _ => true,
+        };
+        self.channels().next().is_some() && self.ops.iter().all(stays)
+    }
+
     /// What a name of the expression is.
     fn name_of(&self, op: Op) -> String {
         match op {

@@ -265,6 +265,11 @@ impl Word {
         }
     }
 
+    /// True for a time, in seconds: it has no value beyond the mission's time limit.
+    pub(super) fn is_time(&self) -> bool {
+        matches!(self.input, Input::Time | Input::StateTime)
+    }
+
     /// What its values are in; times and truths are numbers here.
     pub(super) fn unit(&self) -> Unit {
         match self.input {
@@ -287,6 +292,11 @@ impl Input {
             return (!quantity.name.is_empty()).then(|| Word::from(quantity));
         }
         DERIVED.into_iter().find(|word| word.input == self)
+    }
+
+    /// True for what begins once more as a state is entered.
+    pub(super) fn is_since_entry(self) -> bool {
+        matches!(self, Self::StateTime | Self::StateDistance | Self::StateTurn | Self::Done)
     }
 
     /// True for what cannot be lost.

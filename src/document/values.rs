@@ -77,8 +77,10 @@ impl<'d> Item<'d> {
                 let is_listed = text.chars().all(|letter| "0123456789.,- ".contains(letter));
                 is_listed.then(|| format!("write `[{text}]` without quotes"))
             }
-            DeValue::Integer(_) | DeValue::Float(_) if expected.starts_with("a table") => {
-                Some("a table has keys, as in `{ key = 1, other = 2 }`".to_owned())
+            DeValue::String(_) | DeValue::Integer(_) | DeValue::Float(_)
+                if expected.starts_with("a table") && raw.len() < 30 =>
+            {
+                Some(format!("a table has keys, as in `{{ key = {raw} }}`"))
             }
             DeValue::Boolean(_) if expected.ends_with("number") => {
                 Some("write 1 for true and 0 for false".to_owned())

@@ -11,6 +11,8 @@ pub(in crate::behavior) struct Beyond {
     name: String,
     signal: Word,
     number: f64,
+    /// The least and the greatest value that it can be.
+    reach: (f64, f64),
 }
 
 impl Beyond {
@@ -21,8 +23,13 @@ impl Beyond {
 
     /// What to do about it.
     pub(in crate::behavior) fn hint(&self) -> String {
-        let (least, most) = self.signal.reach();
-        self.meant().unwrap_or_else(|| format!("write a number from {least} to {most}"))
+        let (least, most) = self.reach;
+        self.meant().unwrap_or_else(|| {
+            if self.signal.is_time() {
+                return format!("the mission ends after {most} s: `time_limit_s` can be longer");
+            }
+            format!("write a number from {least} to {most}")
+        })
     }
 
     /// Why a condition never holds, or always does.
@@ -33,43 +40,46 @@ impl Beyond {
 
     /// What the signal can be.
     fn domain(&self) -> String {
-        let (least, most) = self.signal.reach();
-        format!("`{}` is {}, from {least} to {most}", self.name, unit(self.signal.unit()).0)
+        let (least, most) = self.reach;
+        format!("`{}` is {}, from {least} to {most}", self.name, self.unit().0)
     }
 
     /// The number in the signal's unit, if it was meant in one that people use for the same.
     fn meant(&self) -> Option<String> {
-        let (least, most) = self.signal.reach();
-        unit(self.signal.unit()).1.iter().find_map(|(symbol, parts)| {
+        let (least, most) = self.reach;
+        self.unit().1.iter().find_map(|(symbol, parts)| {
             let number = self.number / parts;
             let fits = (least..=most).contains(&number);
             fits.then(|| format!("{} {symbol} are {number}", self.number))
         })
     }
-}
 
-/// How messages name the unit that conditions have, and smaller ones of its kind: how many of them
-/// it has.
-fn unit(unit: Unit) -> (&'static str, &'static [(&'static str, f64)]) {
-    match unit {
-        Unit::Truth | Unit::Number => ("a number", &[]),
-        Unit::Percent => ("in percent", &[]),
-        Unit::Metres => ("in metres", &[("cm", 100.0), ("mm", 1000.0)]),
-        Unit::Radians => ("in degrees", &[]),
-        Unit::RadiansPerSecond => ("in degrees a second", &[]),
-        Unit::Volts => ("in volts", &[("mV", 1000.0)]),
+    /// How messages name the unit that conditions have, and smaller ones of its kind: how many of
+    /// them it has.
+    fn unit(&self) -> (&'static str, &'static [(&'static str, f64)]) {
+        match self.signal.unit() {
+            _ if self.signal.is_time() => ("in seconds", &[]),
+            Unit::Truth | Unit::Number => ("a number", &[]),
+            Unit::Percent => ("in percent", &[]),
+            Unit::Metres => ("in metres", &[("cm", 100.0), ("mm", 1000.0)]),
+            Unit::Radians => ("in degrees", &[]),
+            Unit::RadiansPerSecond => ("in degrees a second", &[]),
+            Unit::Volts => ("in volts", &[("mV", 1000.0)]),
+        }
     }
 }
 
 impl Expression {
-    /// The first comparison of a signal with a number that it cannot be.
+    /// The first comparison of a signal with a number that it cannot be in a mission that lasts
+    /// `time_limit_s`.
     ///
     /// Places and ways have no bound that a robot could not pass, so nothing is said of them.
-    pub(in crate::behavior) fn beyond(&self) -> Option<Beyond> {
+    pub(in crate::behavior) fn beyond(&self, time_limit_s: f64) -> Option<Beyond> {
         (0..self.ops.len()).find_map(|at| {
             let (op, signal, number, _) = compared(&self.ops[at..])?;
-            let (least, most) = signal.reach();
-            let beyond = || Beyond { name: self.name_of(op), signal, number };
+            let reach = if signal.is_time() { (0.0, time_limit_s) } else { signal.reach() };
+            let (least, most) = reach;
+            let beyond = || Beyond { name: self.name_of(op), signal, number, reach };
             (number < least || number > most).then(beyond)
         })
     }

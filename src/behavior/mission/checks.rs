@@ -7,7 +7,7 @@ use std::ops::Range;
 use super::load::{Draft, Reader};
 use super::{DrivePlan, MachinePlan, OnStall, TransitionPlan};
 use crate::behavior::engine::Finish;
-use crate::behavior::expression::Claims;
+use crate::behavior::expression::{Claims, Vocabulary};
 use crate::document::{Section, Severity, nearest};
 use crate::senses::{Channel, QUANTITIES, Quantity, Role};
 
@@ -52,7 +52,8 @@ pub(super) fn whole(
     one_machine_each(reader, drafts);
     one_mode_each(reader);
     for draft in drafts {
-        let impossible = conditions(root, &draft.plan);
+        counts_ticks(root, &draft.plan, &reader.vocabulary);
+        let impossible = conditions(root, &draft.plan, reader.time_limit_s());
         if draft.complete && ways_are_known {
             paths(root, draft, &impossible);
         }
@@ -156,7 +157,7 @@ struct Impossible {
 ///
 /// Those of a state and of the state that it is inside are not compared: `state_s` is another time
 /// in each.
-fn conditions(root: &Section<'_>, plan: &MachinePlan) -> Impossible {
+fn conditions(root: &Section<'_>, plan: &MachinePlan, time_limit_s: f64) -> Impossible {
     let inner =
         (0..).zip(&plan.states).filter_map(|(at, state)| Some((Some(at), state.inner.as_ref()?)));
     let regions = inner.chain([(None, &plan.region)]);
@@ -167,10 +168,12 @@ fn conditions(root: &Section<'_>, plan: &MachinePlan) -> Impossible {
         // Those for all states come first, but for the final state and the one they lead to.
         let here = always.get(&state.parent).into_iter().flatten();
         let here = here.filter(|(next, _)| next.go != at && end != Some(at));
-        late(root, here.collect(), &claims(&state.next))
+        late(root, here.collect(), &claims(&state.next), time_limit_s)
     });
     let states = states.collect();
-    let always = always.iter().map(|(parent, claims)| (*parent, late(root, Vec::new(), claims)));
+    let always = always
+        .iter()
+        .map(|(parent, claims)| (*parent, late(root, Vec::new(), claims, time_limit_s)));
     Impossible { always: always.collect(), states }
 }
 
@@ -186,6 +189,7 @@ fn late<'c>(
     root: &Section<'_>,
     mut before: Vec<&'c Claimed<'c>>,
     transitions: &'c [Claimed<'c>],
+    time_limit_s: f64,
 ) -> Vec<bool> {
     let mut impossible = Vec::with_capacity(transitions.len());
     for transition in transitions {
@@ -194,7 +198,7 @@ fn late<'c>(
         let earlier = before.iter().find(|(_, earlier)| claim.implies(earlier));
         let (error, warning) = (Severity::Error, Severity::Warning);
         let never = claim.is_never();
-        let beyond = next.when.beyond().map(|beyond| beyond.why());
+        let beyond = next.when.beyond(time_limit_s).map(|beyond| beyond.why());
         let why = |else_hint: &str| beyond.clone().unwrap_or_else(|| else_hint.to_owned());
         if never {
             root.note(place, error, "this condition can never hold".to_owned())
@@ -212,6 +216,25 @@ fn late<'c>(
         before.push(transition);
     }
     impossible
+}
+
+/// Transitions that enter their own state once more in each tick as long as they hold, and count.
+fn counts_ticks(root: &Section<'_>, plan: &MachinePlan, vocabulary: &Vocabulary<'_>) {
+    for (at, state) in (0..).zip(&plan.states) {
+        for next in state.next.iter().filter(|next| next.go == at) {
+            let counting = next.set.iter().filter(|set| set.value.takes(set.variable));
+            let counted: Vec<u8> = counting.map(|set| set.variable).collect();
+            let Some(first) = counted.first().filter(|_| next.when.is_level(&counted)) else {
+                continue;
+            };
+            let name = vocabulary.variables.get(usize::from(*first));
+            let name = name.map_or("?", |(name, _)| name.as_str());
+            let message =
+                format!("this fires in each tick in which it holds, so that `{name}` counts ticks");
+            root.note(next.place.clone(), Severity::Warning, message)
+                .hint("let it go to a state that waits until it no longer holds");
+        }
+    }
 }
 
 /// States that cannot be reached, states that cannot be left, and states from which there is no way

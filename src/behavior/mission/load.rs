@@ -138,6 +138,12 @@ impl<'d> Reader<'_, 'd, '_> {
         })
     }
 
+    /// When the mission ends at the latest, seconds.
+    pub(super) fn time_limit_s(&self) -> f64 {
+        let given = self.vocabulary.numbers.get(Mission::TIME_LIMIT);
+        given.copied().unwrap_or(DEFAULT_TIME_LIMIT_S)
+    }
+
     /// The mission's own numbers.
     fn numbers(&mut self) {
         for item in self.root.items_of("numbers") {
@@ -228,7 +234,7 @@ impl<'d> Reader<'_, 'd, '_> {
                     item.error(message).hint(hint);
                     return None;
                 }
-                if let Some(beyond) = expression.beyond() {
+                if let Some(beyond) = expression.beyond(self.time_limit_s()) {
                     let claims = Claims::of(&expression);
                     // One that never holds, or always does, is told as that.
                     if !claims.is_never() && !claims.is_always() {

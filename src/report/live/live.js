@@ -807,6 +807,9 @@ function head() {
   });
 }
 byId("stop").addEventListener("click", () => post("wish", "stop"));
+window.addEventListener("keydown", (event) => {
+  if (event.key === "Escape" && !event.repeat && !lost && can("stop")) post("wish", "stop");
+});
 byId("again").addEventListener("click", () => post("wish", "again"));
 
 function legend() {

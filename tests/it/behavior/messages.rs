@@ -243,6 +243,16 @@ fn cases() -> Vec<(&'static str, String)> {
         ("millivolts", when("battery_v < 7200")),
         ("more than all", when("touch and reflect_pct < 150")),
         ("more than all, which is never so", when("reflect_pct > 150")),
+        ("a time beyond the mission's", when("touch or state_s > 2000")),
+        ("a time beyond the mission's that no other condition holds", when("time_s > 2000")),
+        (
+            "a count of ticks",
+            next(
+                "{ when = \"touch and hits < 9\", set = { hits = \"hits + 1\" }, go = \"a\" }, \
+                 { when = \"hits == 9\", go = \"b\" }",
+            )
+            .replace("[machine.drive]", "[variables]\nhits = 0\n[machine.drive]"),
+        ),
         ("a direction beyond half a turn", when("heading_deg > 270")),
         ("colours by size", when("colour > red")),
         ("a world", onbrick::sim::World::text("line").unwrap().to_owned()),
@@ -386,6 +396,10 @@ fn robot_cases() -> Vec<(&'static str, String)> {
                 .replace("next =", "do = { head_deg = 5 }\nnext ="),
         ),
         ("faster than the wheels", state("do = { forward_mps = 10 }")),
+        (
+            "a way in centimetres",
+            state("do = { drive_m = 40 }").replace("[numbers]", "time_limit_s = 30\n[numbers]"),
+        ),
         ("wheels faster than they may", state("do = { left_dps = 540, right_dps = -720 }")),
         ("one wheel faster", state("do = { left_dps = \"90 * range_m\", right_dps = 720 }")),
         (

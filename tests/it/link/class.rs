@@ -397,6 +397,21 @@ fn a_class() {
     tab.text("name = \"last\"\n");
     tab.eval("location.href = 'about:blank'");
     until("the last edit is kept", || (read() == "name = \"last\"\n").then_some(()));
+
+    // The program ends while a person still types: the page says so, and keeps the text.
+    tab.eval(&format!("location.href = '{}#/missions'", class.url));
+    tab.until("document.querySelector('#work .list button')");
+    tab.click("#work", "round");
+    tab.until("document.querySelector('textarea').value === 'name = \"last\"\\n'");
+    drop(class);
+    tab.eval("document.querySelector('textarea').select()");
+    tab.text("name = \"in no file\"\n");
+    tab.until("document.querySelector('#summary').textContent.startsWith('no answer')");
+    assert_eq!(
+        tab.eval("document.querySelector('textarea').value"),
+        json!("name = \"in no file\"\n")
+    );
+    tab.picture("8-ended");
 }
 
 #[test]

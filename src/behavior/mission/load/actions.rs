@@ -133,6 +133,16 @@ impl<'d> Reader<'_, 'd, '_> {
         }
     }
 
+    /// Warns of a way that takes longer than the mission, as one in centimetres does.
+    fn is_in_time(&self, item: &Item<'d>, way_m: &Expression) {
+        let Some(limits) = self.vocabulary.capabilities.limits else { return };
+        let limit_s = self.time_limit_s();
+        if way_m.always().is_some_and(|way_m| way_m.abs() > limits.max_m_s * limit_s) {
+            item.warning(format!("the robot does not come so far in the mission's {limit_s} s"))
+                .hint("a way is in metres (40 cm are 0.4), and `time_limit_s` can be longer");
+        }
+    }
+
     /// The same for speeds of the wheels themselves.
     fn wheels_are_within_reach(&self, wheels: [(&Item<'d>, &Expression); 2]) {
         let Some(limits) = self.vocabulary.capabilities.limits else { return };
@@ -224,7 +234,11 @@ impl<'d> Reader<'_, 'd, '_> {
 
     fn goal(&mut self, table: &Section<'d>, item: &Item<'d>) -> Option<GoalPlan> {
         match item.key() {
-            "drive_m" => Some(GoalPlan::Ahead { way_m: self.number(item, WAY_M)? }),
+            "drive_m" => {
+                let way_m = self.number(item, WAY_M)?;
+                self.is_in_time(item, &way_m);
+                Some(GoalPlan::Ahead { way_m })
+            }
             "turn_deg" => Some(GoalPlan::Turn { turn_deg: self.number(item, TURN_DEG)? }),
             "explore_m" => Some(GoalPlan::Explore { within_m: self.number(item, EXPLORE_M)? }),
             "arc" => {

@@ -21,9 +21,12 @@ impl Reader<'_, '_, '_> {
         for next in next {
             if next.when.asks_whether_done() && !ends {
                 let keys = ENDING_KEYS.map(|key| format!("`{key}`")).join(", ");
-                self.root
-                    .note(next.place.clone(), Severity::Error, NOTHING_ENDS.to_owned())
-                    .hint(format!("{keys} end, and so does a sub-machine with a final state"));
+                self.root.note(next.place.clone(), Severity::Error, NOTHING_ENDS.to_owned()).hint(
+                    format!(
+                        "{keys} end, and so does a sub-machine with a final state; to wait, write \
+                         `state_s > 2`"
+                    ),
+                );
             }
         }
     }

@@ -3,7 +3,6 @@
 import {
   awaited,
   cursors,
-  element,
   gather,
   get,
   known,
@@ -63,6 +62,16 @@ function stopping() {
   return asked.some(({ stop }) => stop.still_after_s === null && stop.asked_s < 20);
 }
 
+// What a person has written stays: it may be in no file yet.
+function lost(isLost) {
+  byId("view").classList.toggle("lost", isLost);
+  byId("summary").classList.toggle("bad", isLost);
+  if (!isLost) return;
+  byId("stopped").hidden = true;
+  byId("summary").hidden = false;
+  write(byId("summary"), "no answer: what is below is old, and the program may have ended");
+}
+
 async function look() {
   let failures = 0;
   let turns = 0;
@@ -78,14 +87,9 @@ async function look() {
       document.body.dataset.turns = ++turns;
     } catch (error) {
       console.warn(error);
-      if (++failures === 3) {
-        byId("view").replaceChildren(
-          element("p", "The program that shows this page has ended.", "bad"),
-        );
-        byId("summary").textContent = "no answer";
-        refresh = null;
-      }
+      failures++;
     }
+    lost(failures >= 3);
     document.body.dataset.failures = failures;
     await awaited(Math.max(40, (isClose ? 120 : 500) - (performance.now() - begun)));
   }
