@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
@@ -18,7 +19,7 @@ use crate::menu::{
     ServiceConnection, StartedBy, TalkKind, Talker, Told, Trouble, WIDTH, attend,
 };
 use crate::protocol::{Answer, LocalRequest};
-use crate::runtime::{HardwareLock, StopFlags};
+use crate::runtime::{HardwareLock, StopBy, StopFlags};
 use crate::service::client::{Client, ClientError};
 use crate::service::config::BRICK_FOLDER;
 
@@ -103,7 +104,11 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
             patience: ORDER_PATIENCE,
         }),
     ];
-    let mut talker = RobotTalker { brick: arguments.brick.tree(), robot: config.robot.clone() };
+    let talks = StopFlags::default();
+    // A stop from a PC ends a calibration, and not the menu.
+    talks.on_signal_of(StopBy::Remote).context(Exit::Failed, "cannot listen to signals")?;
+    let (brick, robot) = (arguments.brick.tree(), config.robot.clone());
+    let mut talker = RobotTalker { brick, robot, remote: talks.remote };
     let show = |keys: &mut dyn Keys, display: &mut dyn Display| {
         let parts = Parts {
             clock: &MonotonicClock,
@@ -198,12 +203,17 @@ impl ServiceConnection for SocketConnection {
 struct RobotTalker {
     brick: LocalTree,
     robot: PathBuf,
+    /// A PC asks to stop.
+    remote: Arc<AtomicBool>,
 }
 
 impl Talker for RobotTalker {
     fn begin(&mut self, kind: TalkKind, told: Sender<Told>) -> Replies {
         let (sender, replies) = channel();
-        let (pressed, flags) = (Arc::default(), StopFlags::default());
+        // It is for what drives now.
+        self.remote.store(false, Ordering::Relaxed);
+        let flags = StopFlags { remote: Arc::clone(&self.remote), ..StopFlags::default() };
+        let pressed = Arc::default();
         let answers = Replies { sender, pressed: Arc::clone(&pressed), flags: flags.clone() };
         let dialogue = ScreenDialogue { told: told.clone(), replies, pressed, flags };
         let (brick, robot) = (self.brick.clone(), self.robot.clone());

@@ -70,6 +70,10 @@ pub struct Status {
     /// do not tell.
     #[serde(default)]
     pub battery: Option<String>,
+    /// Another program has the motors, such as a calibration: which; otherwise nothing. Older
+    /// bricks do not tell.
+    #[serde(default)]
+    pub taken: Option<String>,
     /// For a `start`, within [`TOKEN_LIFE_NS`](super::TOKEN_LIFE_NS).
     pub token: String,
     /// How the link is: `ready`, or what it waits for.
@@ -205,6 +209,9 @@ pub struct Stopped {
     pub run: Option<RunId>,
     /// Every motor took the command.
     pub stopped: bool,
+    /// What else had the motors, such as a calibration, and has ended. Older bricks leave it alone.
+    #[serde(default)]
+    pub other: Option<String>,
 }
 
 /// The runs on a brick's disk.

@@ -18,10 +18,10 @@ use crate::behavior::Capabilities;
 use crate::clock::{Clock, MonotonicClock, wall_ns, wrong_year};
 use crate::protocol::{
     Answer, Caller, Done, Kind, LocalOnly, Missions, Name, Operations, Pairing, Refusal, Request,
-    RunInfo, Runs, Settings, SettingsChange, Status, VERSION,
+    RunInfo, Runs, Settings, SettingsChange, Status, Stopped, VERSION,
 };
 use crate::robot::BatteryConfig;
-use crate::runtime::{NotReady, StopBy, WhenAbandoned};
+use crate::runtime::{LockError, NotReady, StopBy, WhenAbandoned};
 use crate::threads::lock;
 
 /// Why there is no service.
@@ -167,7 +167,9 @@ impl Service {
             Link::Waits(why) => why.clone(),
             Link::Up(link) => link.state(),
         };
+        let taken = inner.hardware.other_owner().map(|owner| LockError::Taken(owner).to_string());
         let now = lock(&inner.now);
+        let taken = taken.filter(|_| now.machine.run().is_none());
         let progress = now.machine.run().and_then(|run| run.progress.as_ref());
         let sensed_v = progress.and_then(|progress| progress.battery_v);
         let status = Status {
@@ -181,6 +183,7 @@ impl Service {
             battery_v: sensed_v,
             simulated: inner.hardware.machine().is_none(),
             battery: None,
+            taken,
             token: inner.tokens.make(now_ns),
             link,
             disk,
@@ -269,7 +272,7 @@ impl Service {
 
     fn menu_closed(&self, asker: &str) -> Result<Answer, Refusal> {
         if self.inner.config.when_menu_closes == WhenAbandoned::GoOn {
-            return answer(&crate::protocol::Stopped { run: None, stopped: true });
+            return answer(&Stopped { run: None, stopped: true, other: None });
         }
         answer(&self.stop(None, StopBy::MenuClosed, asker)?)
     }

@@ -14,6 +14,8 @@
 use std::f64::consts::PI;
 use std::sync::{Arc, Mutex};
 
+use nix::unistd::getpid;
+
 use super::RobotSite;
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
@@ -22,7 +24,7 @@ use crate::ev3dev::{
 };
 use crate::protocol::{Kind, Live, LiveDevice, Refusal};
 use crate::robot::{LeasedMotor, RobotConfig};
-use crate::runtime::{Brick, HardwareLock, LockError};
+use crate::runtime::{Brick, HardwareLock, LockError, Owner};
 use crate::threads::lock;
 
 /// A jog that is not renewed is over after this, nanoseconds: its lease, and a little for a client
@@ -93,6 +95,12 @@ impl Hardware {
             Brick::Local(tree) => Some(tree),
             Brick::Simulated { .. } => None,
         }
+    }
+
+    /// Another program that has the motors and has not stopped them.
+    pub(super) fn other_owner(&self) -> Option<Owner> {
+        let owner = HardwareLock::owner(self.machine()?.root()).ok()??;
+        (owner.pid != getpid().as_raw() && !owner.stopped).then_some(owner)
     }
 
     /// What is plugged in and what it reads.

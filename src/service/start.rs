@@ -1,7 +1,7 @@
 //! Starting a run and stopping it.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use nix::sys::signal::kill;
@@ -23,7 +23,7 @@ use crate::protocol::{
 use crate::recording;
 use crate::runtime::{
     HardwareLock, Job, LockError, OrphansError, PATIENCE_NS, RunProcess, StopBy, StopReason,
-    Stopper, evict, stop_orphans,
+    Stopper, evict, signal, stop_orphans,
 };
 use crate::threads::{lock, spawn};
 use crate::units::radians;
@@ -72,19 +72,23 @@ impl Stop {
 /// Ends the run that this process drives by force, should it not stop when it is asked to.
 fn force_later(root: PathBuf, control: i32) -> io::Result<()> {
     spawn("patience", move || {
-        let clock = &MonotonicClock;
-        let forced = evict(&root, clock, PATIENCE_NS, |owner| owner.pid == control)
-            .map_err(OrphansError::from)
-            .and_then(|_| stop_orphans(&root, clock));
-        match forced {
-            // It yielded, and another run may have begun since.
-            Ok(_) | Err(OrphansError::Lock(LockError::Taken(_))) => {}
-            Err(error) => {
-                log::error!("the run did not stop when it was asked to: {}", with_causes(&error))
-            }
+        if let Err(error) = force(&root, control, PATIENCE_NS) {
+            log::error!("the run did not stop when it was asked to: {}", with_causes(&error));
         }
     })?;
     Ok(())
+}
+
+/// Waits until the process that drives has stopped its motors, as it was asked to; ends it by force
+/// where it does not. False where it cannot be ended.
+fn force(root: &Path, driving: i32, patience_ns: i64) -> Result<bool, OrphansError> {
+    let clock = &MonotonicClock;
+    let is_over = evict(root, clock, patience_ns, |owner| owner.pid == driving)?;
+    match stop_orphans(root, clock) {
+        // It yielded, and another run may have begun since.
+        Ok(_) | Err(OrphansError::Lock(LockError::Taken(_))) => Ok(is_over),
+        Err(error) => Err(error),
+    }
 }
 
 impl Service {
@@ -187,7 +191,8 @@ impl Service {
                 Some(run) if !inner.store.knows(run) => {
                     Err(Refusal::new(Kind::UnknownRun, format!("there is no run `{run}` here")))
                 }
-                run => Ok(Stopped { run: run.cloned(), stopped: true }),
+                Some(run) => Ok(Stopped { run: Some(run.clone()), stopped: true, other: None }),
+                None => self.stop_other(by),
             };
         };
         if now.stopped_by.is_none() {
@@ -202,11 +207,11 @@ impl Service {
         loop {
             let is_over = now.machine.run().is_none_or(|now| now.run != running);
             if let Some(stopped) = now.machine.motors_told() {
-                return Ok(Stopped { run: Some(running), stopped });
+                return Ok(Stopped { run: Some(running), stopped, other: None });
             }
             if is_over {
                 // It ended before it drove: no motor was ever told to turn.
-                return Ok(Stopped { run: Some(running), stopped: true });
+                return Ok(Stopped { run: Some(running), stopped: true, other: None });
             }
             let left_ns = deadline_ns.saturating_sub(MonotonicClock.now_ns());
             let Ok(left_ns @ 1..) = u64::try_from(left_ns) else {
@@ -220,6 +225,29 @@ impl Service {
                 Ok((now, _)) => now,
                 Err(poisoned) => poisoned.into_inner().0,
             };
+        }
+    }
+
+    /// Ends what else drives where a PC asks for it: a calibration, or a run of a shell's. On the
+    /// brick, who drives it has buttons of his own.
+    fn stop_other(&self, by: StopBy) -> Result<Stopped, Refusal> {
+        let hardware = &self.inner.hardware;
+        hardware.let_go();
+        let none = Stopped { run: None, stopped: true, other: None };
+        let (Some(tree), StopBy::Remote) = (hardware.machine(), by) else { return Ok(none) };
+        let Some(owner) = hardware.other_owner() else { return Ok(none) };
+        let other = format!("{} (process {})", owner.doing, owner.pid);
+        log::info!("asked to stop {other}");
+        let failed = |why: String| {
+            Refusal::new(Kind::Failed, format!("{other} cannot be stopped{why}"))
+                .hint("onbrick halt on the brick, as root")
+        };
+        // One that is gone, or of another user, shows below.
+        let _ = signal(tree.root(), owner.pid, by.signal());
+        match force(tree.root(), owner.pid, STOP_PATIENCE_NS) {
+            Ok(true) => Ok(Stopped { other: Some(other), ..none }),
+            Ok(false) => Err(failed(String::new())),
+            Err(error) => Err(failed(format!(": {}", with_causes(&error)))),
         }
     }
 

@@ -54,6 +54,9 @@ fn doing(status: &Status) -> String {
         let run = last.run.as_ref().map(|run| format!(" ({run})")).unwrap_or_default();
         lines.push_str(&format!("\n  last: {}{run}: {last}", last.mission));
     }
+    if let Some(who) = &status.taken {
+        lines.push_str(&format!("\n  {who}"));
+    }
     if let Some(finding) = &status.robot {
         lines.push_str(&format!("\n  robot: {}", finding.trim_end()));
     }

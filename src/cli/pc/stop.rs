@@ -41,7 +41,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             Some(run) => {
                 format!("{}: {run} was told to stop, and not every motor took it", brick.name)
             }
-            None => format!("{}: nothing was running", brick.name),
+            None => match &stopped.other {
+                Some(other) => format!("{}: stopped {other}", brick.name),
+                None => format!("{}: nothing was running", brick.name),
+            },
         };
         output.show(text, &serde_json::json!({ "brick": brick.name, "stopped": stopped }));
         if stopped.run.is_some() && !stopped.stopped {

@@ -90,6 +90,7 @@ impl Fake {
             link: "ready".to_owned(),
             disk: Disk { used: 0, quota: 0, free: 0 },
             battery: None,
+            taken: None,
             robot: None,
             clock: self.clock.lock().unwrap().clone(),
         }
@@ -148,7 +149,7 @@ impl Operations for Fake {
                 serde_json::to_value(Started { run: start.run.clone(), repeated })
             }
             Request::Stop { run } => {
-                serde_json::to_value(Stopped { run: run.clone(), stopped: true })
+                serde_json::to_value(Stopped { run: run.clone(), stopped: true, other: None })
             }
             Request::Runs => serde_json::to_value(Runs { runs: Vec::new() }),
             Request::Identify => serde_json::to_value(Done {}),

@@ -2,14 +2,17 @@
 
 use std::io::Write as _;
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use onbrick::clock::MonotonicClock;
 use onbrick::link::KeyPair;
 use onbrick::recording::Run;
 use serde_json::Value;
 
 use super::bench::{LONG, Service, halves, onbrick, text, until};
 use crate::foreign::bench::{no_namespaces, unshare};
+use crate::mount::bench::Mounted;
 use crate::support::pass_over;
 use crate::support::real_time::{beside_others, patiently};
 use crate::support::tested_program;
@@ -97,6 +100,70 @@ fn from_pairing_to_the_map() {
     assert!(!followed.contains("http://"), "a page that is gone at once: {followed}");
     service.says(&["runs", "sim"], "fetched");
     service.done(&["plot", &file.display().to_string(), "-o", "map.svg"]);
+}
+
+#[test]
+fn a_stop_ends_what_drives_without_the_service_too() {
+    let _machine = beside_others();
+    let Some(brick) = Mounted::in_world("arena", 1, Arc::new(MonotonicClock)) else { return };
+    let root = brick.root();
+    let service = Service::of("sim", &["--brick", root.to_str().unwrap()]);
+    service.introduce();
+    let command = |arguments: &[&str]| {
+        let mut command = onbrick();
+        command.args(arguments).arg("--brick").arg(&root).current_dir(service.path(""));
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+        command.spawn().unwrap()
+    };
+    let is_turning = || {
+        let motors = std::fs::read_dir(root.join("sys/class/tacho-motor")).unwrap();
+        let mut states =
+            motors.map(|motor| std::fs::read_to_string(motor.unwrap().path().join("state")));
+        states.any(|state| state.unwrap().contains("running"))
+    };
+    let turns = || until("a motor turns", || is_turning().then_some(()));
+    let stays_still = |what: &str| {
+        for _ in 0..10 {
+            assert!(!is_turning(), "{what}");
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    };
+
+    // A run of a shell's.
+    std::fs::write(service.path("short.toml"), SHORT.replace("> 2", "> 50")).unwrap();
+    let mut run = command(&["run", "./short.toml", "--out", "o"]);
+    turns();
+    service.says(&["status"], "the motors belong to mission short (process ");
+    assert!(text(&service.pc(&["start", "map", "sim"]).stderr).contains("mission short"));
+    service.says(&["stop"], "sim: stopped mission short (process ");
+    stays_still("after a stop of the run");
+    assert_eq!(run.wait().unwrap().code(), Some(0));
+    let ending = Run::open(&service.path("o/run.mcap")).unwrap().ending.unwrap();
+    assert_eq!(ending.stop.to_string(), "stopped over the network");
+
+    // A calibration at the menu, which stays.
+    std::fs::write(service.path("robot.toml"), onbrick::robot::DEFAULT_ROBOT).unwrap();
+    let mut menu = command(&["menu", "--config", ".", "--frames", "frames"]);
+    let mut keys = menu.stdin.take().unwrap();
+    let mut press = |pressed: &str| keys.write_all(pressed.as_bytes()).unwrap();
+    let page = || std::fs::read_to_string(service.path("frames/page.txt")).unwrap_or_default();
+    let shows = |words: &str| until(words, || page().contains(words).then_some(()));
+    shows("[Missions]");
+    press("rrrddd");
+    shows("> Find own echoes");
+    press("e");
+    shows("> yes");
+    press("e");
+    turns();
+    service.says(&["stop"], "sim: stopped calibrating at the menu (process ");
+    stays_still("after a stop of the calibration");
+    shows("stopped; nothing was written");
+    press("e");
+    shows("[Set up]");
+    service.says(&["stop"], "sim: nothing was running");
+    assert!(menu.try_wait().unwrap().is_none(), "the menu is still there");
+    menu.kill().unwrap();
+    menu.wait().unwrap();
 }
 
 #[test]

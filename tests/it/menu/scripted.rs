@@ -105,6 +105,7 @@ impl Default for Scripted {
             link: "ready".to_owned(),
             disk: Disk { used: 12 << 20, quota: 512 << 20, free: 4 << 30 },
             battery: None,
+            taken: None,
             robot: None,
             clock: None,
         };
@@ -262,7 +263,7 @@ impl World {
             self.status.last = Some(last(reason));
             self.enter(State::Stopping);
         }
-        answer(&Stopped { run: None, stopped: true })
+        answer(&Stopped { run: None, stopped: true, other: None })
     }
 
     fn fetch(&self, fetch: &Fetch) -> Result<Answer, Refusal> {

@@ -73,7 +73,7 @@ fn a_run_that_goes_on() {
     );
     let other = served.own_refused(&onbrick::protocol::LocalOnly::StartHere(start("b", "short")));
     super::refused_as(&other, onbrick::protocol::Kind::Busy, run.as_str());
-    assert_eq!(served.stop(), Stopped { run: Some(run.clone()), stopped: true });
+    assert_eq!(served.stop(), Stopped { run: Some(run.clone()), stopped: true, other: None });
     assert_eq!(writer(&file).unwrap(), None);
     await_that("its end is noted", || served.status().run.is_none());
     let last = served.status().last.unwrap();

@@ -39,7 +39,7 @@ fn a_run_is_started_followed_stopped_in_motion_and_fetched() {
     let stopped = served.stop();
     let took = asked.elapsed();
     println!("stop in motion was answered after {took:?}");
-    assert_eq!(stopped, Stopped { run: Some(run.clone()), stopped: true });
+    assert_eq!(stopped, Stopped { run: Some(run.clone()), stopped: true, other: None });
     assert!(took < Duration::from_secs(2), "the motors are told at the next tick: {took:?}");
     let status = served.await_state(State::Stopped);
     let last = status.last.unwrap();
@@ -61,7 +61,7 @@ fn a_run_is_started_followed_stopped_in_motion_and_fetched() {
     assert_eq!(recorded.ending.unwrap().stop.to_string(), "stopped on the brick");
     let info = served.runs().into_iter().find(|info| info.run == run).unwrap();
     assert!(info.fetched && !info.going_on && info.bytes == bytes.len() as u64, "{info:?}");
-    assert_eq!(served.stop(), Stopped { run: None, stopped: true }, "nothing runs");
+    assert_eq!(served.stop(), Stopped { run: None, stopped: true, other: None }, "nothing runs");
 }
 
 #[test]

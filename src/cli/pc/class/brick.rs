@@ -305,7 +305,7 @@ impl Brick {
         let mut seen = lock(&self.seen);
         let stopping = seen.stopping.get_or_insert_default();
         match stopped {
-            Ok(Stopped { run, stopped }) if run.is_none() || stopped => {
+            Ok(Stopped { run, stopped, .. }) if run.is_none() || stopped => {
                 stopping.told_ns = Some(now_ns);
             }
             Ok(_) => stopping.failed = Some("not every motor took the stop".to_owned()),

@@ -79,7 +79,7 @@ fn wrong(seen: &Seen) -> (u8, Vec<String>) {
         return (worst, why);
     }
     let Some(status) = &seen.status else { return (worst, why) };
-    let Status { state, last, battery, robot, clock, link, version, .. } = status;
+    let Status { state, last, battery, taken, robot, clock, link, version, .. } = status;
     if *state == State::Fault {
         add(2, &last.as_ref().map_or_else(|| "a fault".to_owned(), ToString::to_string));
     }
@@ -88,6 +88,9 @@ fn wrong(seen: &Seen) -> (u8, Vec<String>) {
     }
     if let Some(text) = battery {
         add(2, text);
+    }
+    if let Some(text) = taken {
+        add(1, text);
     }
     let own = env!("CARGO_PKG_VERSION");
     if version != own {

@@ -89,7 +89,10 @@ fn problems(bricks: &[Arc<Brick>], members: &[Member]) -> Vec<String> {
         match &seen.status {
             Some(status) if seen.silent_ns.is_none() => {
                 versions.entry(status.version.clone()).or_default().push(name);
-                let texts = unready(status).into_iter().chain(status.battery.clone());
+                let texts = unready(status)
+                    .into_iter()
+                    .chain(status.battery.clone())
+                    .chain(status.taken.clone());
                 problems.extend(texts.map(|text| format!("{name}: {text}")));
             }
             _ => problems.push(format!("{name} does not answer")),

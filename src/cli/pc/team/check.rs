@@ -72,6 +72,7 @@ impl Checked {
     fn note(&mut self, status: Status, missions: Option<Missions>) {
         self.problems.extend(unready(&status));
         self.problems.extend(status.battery.clone());
+        self.problems.extend(status.taken.clone());
         if let Some(missions) = missions {
             let name = self.called.clone().unwrap_or_default();
             match missions.missions.iter().find(|mission| mission.name == name) {
@@ -232,6 +233,7 @@ mod tests {
             battery_v: Some(7.64),
             simulated: false,
             battery: None,
+            taken: None,
             token: String::new(),
             link: "ready".to_owned(),
             disk: Disk { used: 0, quota: 0, free: 0 },
