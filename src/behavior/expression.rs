@@ -142,6 +142,14 @@ impl Op {
         }
     }
 
+    /// The variable that it is.
+    fn variable(self) -> Option<u8> {
+        match self {
+            Self::Own { input: Input::Variable(variable), .. } => Some(variable),
+            _ => None,
+        }
+    }
+
     /// What is known of a signal, or of what a named sensor measures.
     fn word(&self) -> Option<Word> {
         match self {
@@ -297,9 +305,7 @@ impl Expression {
 
     /// True where it takes a variable's value.
     pub(super) fn takes(&self, variable: u8) -> bool {
-        let is_it =
-            |op: &Op| matches!(op, Op::Own { input, .. } if *input == Input::Variable(variable));
-        self.ops.iter().any(is_it)
+        self.ops.iter().any(|op| op.variable() == Some(variable))
     }
 
     /// True where it asks of what is sensed, and of nothing that changes as a state is entered once

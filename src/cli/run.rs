@@ -230,7 +230,7 @@ fn brick(arguments: &Arguments, robot: Option<&RobotConfig>) -> Result<(Brick, P
 /// elsewhere.
 #[cfg(feature = "sim")]
 fn on_a_start(world: &crate::runtime::Source, [x_m, y_m, deg]: [f64; 3]) -> Result<(), Failure> {
-    use crate::units::{degrees, rounded_to, wrap_rad};
+    use crate::units::wrap_rad;
     let (parsed, _) = world.world()?;
     let is_there = |start: &crate::sim::StartPose| {
         libm::hypot(start.x_m - x_m, start.y_m - y_m) <= SAME_PLACE.0
@@ -239,11 +239,7 @@ fn on_a_start(world: &crate::runtime::Source, [x_m, y_m, deg]: [f64; 3]) -> Resu
     if parsed.starts().iter().any(is_there) {
         return Ok(());
     }
-    let shown = |start: &crate::sim::StartPose| {
-        let heading_deg = rounded_to(degrees(start.heading_rad), 100.0);
-        format!("{},{},{heading_deg}", start.x_m, start.y_m)
-    };
-    let starts: Vec<String> = parsed.starts().iter().map(shown).collect();
+    let starts: Vec<String> = parsed.starts().iter().map(ToString::to_string).collect();
     Err(Failure::refused(format!(
         "no robot starts at {x_m},{y_m},{deg} in the world `{}`",
         parsed.name()

@@ -18,7 +18,7 @@ use crate::ev3dev::{EV3, PLATFORMS, Platform};
 use crate::printable::in_shell;
 use crate::sim::{
     Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, Options, Order,
-    Scenario, Simulation, WorldPhysics, still,
+    Scenario, Simulation, StartPose, WorldPhysics, still,
 };
 use crate::simulated::furnished;
 
@@ -231,7 +231,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     };
     // Before anything is mounted, so that no signal can leave it behind.
     let flags = stop_flags()?;
-    let simulation = simulation(arguments, output)?;
+    let (simulation, starts) = simulation(arguments, output)?;
     // A still that cannot be written is known now, and not when there was something to see.
     let is_svg = |file: &Path| file.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
     if let Some(file) = arguments.show.as_deref().filter(|file| !is_svg(file)) {
@@ -243,7 +243,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         if arguments.event_bits == "32" { EventLayout::Bits32 } else { EventLayout::Bits64 };
     let (mount, found) =
         Mount::new(&simulation, mountpoint, events).map_err(|error| refused(&error))?;
-    tell(arguments, &mount, found, output);
+    tell(arguments, &mount, &starts, found, output);
     #[cfg(feature = "host")]
     let _page = page(arguments, &simulation, output)?;
     #[cfg(feature = "host")]
@@ -352,13 +352,18 @@ fn scenario(arguments: &Arguments) -> Result<Option<Scenario>, Failure> {
     Ok(Some(scenario))
 }
 
-fn simulation(arguments: &Arguments, output: &mut Output) -> Result<Simulation, Failure> {
+/// The simulation, and where its robots start.
+fn simulation(
+    arguments: &Arguments,
+    output: &mut Output,
+) -> Result<(Simulation, Vec<StartPose>), Failure> {
     let scenario = scenario(arguments)?;
     let (mut source, _) = load_world(&arguments.world)?;
     if let Some(path) = chosen_robot(arguments.robot.as_deref(), output) {
         source = furnished(source, &load_robot(Some(&path))?.config);
     }
     let (world, _) = source.world()?;
+    let starts = world.starts().to_vec();
     let physics = WorldPhysics::new(world, arguments.robots, arguments.seed).map_err(|error| {
         Failure::refused(error.to_string())
             .hint("fewer --robots, or a world with more start poses (onbrick new world)")
@@ -374,7 +379,7 @@ fn simulation(arguments: &Arguments, output: &mut Output) -> Result<Simulation, 
     if let Some(scenario) = scenario {
         simulation.play(&scenario);
     }
-    Ok(simulation)
+    Ok((simulation, starts))
 }
 
 fn refused(error: &MountError) -> Failure {
@@ -383,7 +388,16 @@ fn refused(error: &MountError) -> Failure {
     Failure::from_error(exit, "no simulated brick", error).hint(error.hint())
 }
 
-fn tell(arguments: &Arguments, mount: &Mount, found: Found, output: &mut Output) {
+/// The way to a run is shown for the first robots.
+const MOST_SHOWN: usize = 4;
+
+fn tell(
+    arguments: &Arguments,
+    mount: &Mount,
+    starts: &[StartPose],
+    found: Found,
+    output: &mut Output,
+) {
     let point = mount.point().display().to_string();
     let bricks: Vec<String> =
         (0..arguments.robots).map(|robot| mount.root(robot).display().to_string()).collect();
@@ -401,11 +415,21 @@ fn tell(arguments: &Arguments, mount: &Mount, found: Found, output: &mut Output)
     };
     let board = Platform::named(&arguments.board).unwrap_or_default();
     let no_button = if board.buttons.is_none() { " --no-button" } else { "" };
+    // Several recordings make one map where each robot knows where it stands.
+    let is_alone = arguments.robots == 1;
+    let runs = starts.iter().take(arguments.robots.min(MOST_SHOWN)).enumerate();
+    let runs: String = runs
+        .map(|(robot, start)| {
+            let pose = if is_alone { String::new() } else { format!(" --pose={start}") };
+            let brick = in_shell(&mount.root(robot));
+            format!("\x20 onbrick run map --brick {brick}{no_button}{pose}\n")
+        })
+        .collect();
     output.show(
         format!(
             "mounted {what} at {point}; Ctrl-C unmounts. Try, in another terminal:\n\
              \x20 onbrick devices --brick {first}\n\
-             \x20 onbrick run map --brick {first}{no_button}\n\
+             {runs}\
              \x20 cat {first}/sys/class/tacho-motor/motor0/position"
         ),
         &Mounted {

@@ -30,7 +30,12 @@ const KINDS: [(Kind, &str, &[&str], &str); 4] = [
         &["floor", "wall", "block", "circle", "start"],
         "`onbrick run MISSION --sim FILE`",
     ),
-    (Kind::Team, "a team", &["brick"], "`onbrick team FILE MISSION`"),
+    (
+        Kind::Team,
+        "a team",
+        &["brick"],
+        "`onbrick team FILE MISSION`, or `onbrick status --team FILE`,",
+    ),
 ];
 
 impl Section<'_> {

@@ -194,12 +194,16 @@ pub struct MissionInfo {
 }
 
 /// A run was started, or had been already.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Started {
     /// Which.
     pub run: RunId,
     /// A run with this identifier was there before: this start did nothing.
     pub repeated: bool,
+    /// The time limit of the brick's settings, seconds, where it is shorter than the mission's own.
+    /// Older bricks do not tell.
+    #[serde(default)]
+    pub limited_s: Option<f64>,
 }
 
 /// The motors have been told, or nothing was running.

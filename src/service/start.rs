@@ -103,7 +103,7 @@ impl Service {
         let mut asked_ns = MonotonicClock.now_ns();
         let _one_at_a_time = lock(&inner.starting);
         if inner.store.knows(&start.run) {
-            return Ok(Started { run: start.run.clone(), repeated: true });
+            return Ok(Started { run: start.run.clone(), repeated: true, limited_s: None });
         }
         if needs_token || start.token.is_some() {
             let token = start.token.as_deref().unwrap_or_default();
@@ -113,7 +113,7 @@ impl Service {
             })?;
         }
         self.may_start()?;
-        let (mission, mut job) = self.prepared(start)?;
+        let (mission, mut job, limited_s) = self.prepared(start)?;
         inner.hardware.let_go();
         self.is_free()?;
         let by = named(caller);
@@ -138,7 +138,7 @@ impl Service {
             inner.store.take_back(&start.run);
             return Err(Refusal::new(Kind::Failed, why));
         }
-        Ok(Started { run: start.run.clone(), repeated: false })
+        Ok(Started { run: start.run.clone(), repeated: false, limited_s })
     }
 
     /// The state takes the run, unless a stop has come since it was asked for.
@@ -303,8 +303,9 @@ impl Service {
         }
     }
 
-    /// The mission of a start that is in order, and what its run is to do.
-    fn prepared(&self, start: &Start) -> Result<(Mission, Job), Refusal> {
+    /// The mission of a start that is in order, what its run is to do, and the time limit of the
+    /// brick's settings where that is the shorter one.
+    fn prepared(&self, start: &Start) -> Result<(Mission, Job, Option<f64>), Refusal> {
         let inner = &self.inner;
         let (robot_source, robot) = missions::robot(&inner.config.robot)
             .map_err(|why| Refusal::new(Kind::NotReady, why))?;
@@ -316,9 +317,9 @@ impl Service {
                 Refusal::new(Kind::BadRequest, format!("--set {}={value}: {error}", line(name)))
             })?;
         }
-        if let Some(limit_s) =
-            lock(&inner.now).kept.time_limit_s.filter(|limit_s| *limit_s < mission.time_limit_s())
-        {
+        let kept_s = lock(&inner.now).kept.time_limit_s;
+        let limited_s = kept_s.filter(|limit_s| *limit_s < mission.time_limit_s());
+        if let Some(limit_s) = limited_s {
             set.push((Mission::TIME_LIMIT.to_owned(), limit_s));
             mission
                 .set(Mission::TIME_LIMIT, limit_s)
@@ -346,7 +347,7 @@ impl Service {
             when_abandoned: inner.config.when_service_dies,
             ..Job::new(source, robot_source, brick, file)
         };
-        Ok((mission, job))
+        Ok((mission, job, limited_s))
     }
 }
 

@@ -24,8 +24,11 @@
 //! A world does not change while robots drive in it, and has at most [`World::MAX_THINGS`] things
 //! in each list.
 
+use std::fmt;
+
 use super::body::Outline;
 use crate::document::{Document, Findings};
+use crate::units::{degrees, rounded_to};
 
 mod coverage;
 mod floor;
@@ -63,6 +66,14 @@ pub struct StartPose {
     pub y_m: f64,
     /// Radians, anticlockwise from x.
     pub heading_rad: f64,
+}
+
+impl fmt::Display for StartPose {
+    /// As `--pose` takes it: metres, metres, degrees.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let heading_deg = rounded_to(degrees(self.heading_rad), 100.0);
+        write!(f, "{},{},{heading_deg}", self.x_m, self.y_m)
+    }
 }
 
 /// A button held on the infrared remote.

@@ -84,6 +84,36 @@ impl Expression {
         })
     }
 
+    /// The first question whether something measured is exactly a number: what is wrong, and what
+    /// to do about it. The ends of what it can be are met, as where a sensor hears nothing.
+    pub(in crate::behavior) fn exactly(&self) -> Option<(String, String)> {
+        (0..self.ops.len()).find_map(|at| {
+            let (op, signal, number, comparison) = compared(&self.ops[at..])?;
+            let (least, most) = signal.reach();
+            let is_end = number <= least || number >= most;
+            if comparison != Comparison::Equal || is_end || !is_measured(signal) {
+                return None;
+            }
+            let name = self.name_of(op);
+            Some((
+                format!("`{name}` is measured, and hardly ever exactly {number}"),
+                format!("write `{name} >= {number}` or `{name} <= {number}`"),
+            ))
+        })
+    }
+
+    /// True where it compares a variable with a number.
+    pub(in crate::behavior) fn compares(&self, variable: u8) -> bool {
+        let is_number = |op: &Op| matches!(op, Op::Number(_) | Op::Named { .. });
+        self.ops.windows(3).any(|ops| match ops {
+            [one, other, Op::Infix(Infix::Compare(_))] => {
+                let asks = |op: &Op| op.variable() == Some(variable);
+                asks(one) && is_number(other) || is_number(one) && asks(other)
+            }
+            _ => false,
+        })
+    }
+
     /// The first comparison by size of a signal that is one of several things, such as a colour:
     /// what is wrong, and what to do about it.
     pub(in crate::behavior) fn unordered(&self) -> Option<(String, String)> {
@@ -101,6 +131,12 @@ impl Expression {
             ))
         })
     }
+}
+
+/// What a number is compared with is measured, and meets it by chance alone.
+fn is_measured(signal: Word) -> bool {
+    let units = [Unit::Metres, Unit::Radians, Unit::RadiansPerSecond, Unit::Volts];
+    signal.is_time() || units.contains(&signal.unit())
 }
 
 /// A signal and a number that are compared at the beginning of some operations, and how.

@@ -1,7 +1,7 @@
 //! A mission looked at as a whole: what can be reached and left, what can never fire, who moves
 //! what.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use super::load::{Draft, Reader};
@@ -50,6 +50,9 @@ pub(super) fn whole(
         drafts.iter().for_each(|draft| after_the_end(root, &draft.plan));
     }
     one_machine_each(reader, drafts);
+    if drafts.iter().all(|draft| draft.complete) {
+        never_set(reader, drafts);
+    }
     one_mode_each(reader);
     for draft in drafts {
         counts_ticks(root, &draft.plan, &reader.vocabulary);
@@ -216,6 +219,27 @@ fn late<'c>(
         before.push(transition);
     }
     impossible
+}
+
+/// Variables of the mission that conditions compare with a number and nothing sets.
+fn never_set(reader: &Reader<'_, '_, '_>, drafts: &[Draft]) {
+    let plans = || drafts.iter().map(|draft| &draft.plan);
+    let transitions = || plans().flat_map(MachinePlan::all_transitions);
+    let of_states = plans().flat_map(|plan| &plan.states).flat_map(|state| &state.set);
+    let set: BTreeSet<u8> = transitions()
+        .flat_map(|next| &next.set)
+        .chain(of_states)
+        .map(|assignment| assignment.variable)
+        .collect();
+    for (at, (name, _)) in (0_u8..).zip(&reader.vocabulary.variables) {
+        let asks = transitions().find(|next| next.when.compares(at) && !set.contains(&at));
+        if let Some(next) = asks {
+            let message = format!("nothing sets the variable `{name}`: it stays what it is");
+            reader.root.note(next.place.clone(), Severity::Warning, message).hint(format!(
+                "to count, write `set = {{ {name} = \"{name} + 1\" }}` in a transition"
+            ));
+        }
+    }
 }
 
 /// Transitions that enter their own state once more in each tick as long as they hold, and count.

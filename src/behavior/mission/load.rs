@@ -107,7 +107,8 @@ impl<'d> Reader<'_, 'd, '_> {
         });
         self.vocabulary
             .numbers
-            .insert(Mission::TIME_LIMIT.to_owned(), time_limit_s.unwrap_or(DEFAULT_TIME_LIMIT_S));
+            // With a wrong one nothing is too late.
+            .insert(Mission::TIME_LIMIT.to_owned(), time_limit_s.unwrap_or(high));
         self.numbers();
         self.variables();
         let mut drafts = self.machines()?;
@@ -240,6 +241,9 @@ impl<'d> Reader<'_, 'd, '_> {
                     if !claims.is_never() && !claims.is_always() {
                         item.warning(beyond.message()).hint(beyond.hint());
                     }
+                }
+                if let Some((message, hint)) = expression.exactly() {
+                    item.warning(message).hint(hint);
                 }
                 Some(expression)
             }

@@ -151,6 +151,13 @@ impl MachinePlan {
         self.states.get(usize::from(index))
     }
 
+    /// All of its transitions.
+    pub(super) fn all_transitions(&self) -> impl Iterator<Item = &TransitionPlan> {
+        let regions = self.states.iter().filter_map(|state| state.inner.as_ref());
+        let always = regions.chain([&self.region]).flat_map(|region| &region.always);
+        always.chain(self.states.iter().flat_map(|state| &state.next))
+    }
+
     /// Whether one of its states moves this part of the robot.
     #[must_use]
     pub fn moves(&self, role: Role) -> bool {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::remote::{Bricks, Unnamed, conclude};
 use crate::cli::common::{pose, read_own, setting};
 use crate::cli::{Failure, Output};
-use crate::protocol::{Chosen, MAX_MISSION_BYTES};
+use crate::protocol::{Chosen, MAX_MISSION_BYTES, Started};
 
 /// Start a mission on a brick: one that it has, by name, or a file of yours, which it checks as its
 /// own and keeps with the run.
@@ -40,10 +40,18 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     conclude(answers, output, |output, brick, started| {
         output.show(
-            format!("{}: started {}", brick.name, started.run),
-            &serde_json::json!({ "brick": brick.name, "run": started.run }),
+            format!("{}: started {}{}", brick.name, started.run, limit(&started)),
+            &serde_json::json!({
+                "brick": brick.name, "run": started.run, "limited_s": started.limited_s
+            }),
         );
     })
+}
+
+/// Where the brick's settings end it, if that is before its own time limit.
+pub(super) fn limit(started: &Started) -> String {
+    let limit = |limit_s| format!("; the brick's settings end it after {limit_s} s");
+    started.limited_s.map(limit).unwrap_or_default()
 }
 
 /// A brick gets a file's text alone, and calls it `mission.toml`.

@@ -253,6 +253,17 @@ fn cases() -> Vec<(&'static str, String)> {
             )
             .replace("[machine.drive]", "[variables]\nhits = 0\n[machine.drive]"),
         ),
+        ("what a state does not do", state("do = { wait_s = 2, set = { hits = 1 }, wiat = 3 }")),
+        ("exactly what is measured", when("heading_deg == 90")),
+        (
+            "a variable that nothing sets",
+            when("touch and laps > 4")
+                .replace("[machine.drive]", "[variables]\nlaps = 0\n[machine.drive]"),
+        ),
+        (
+            "a time in milliseconds",
+            when("state_s > 2000").replace("[numbers]", "time_limit_s = 60000\n[numbers]"),
+        ),
         ("a direction beyond half a turn", when("heading_deg > 270")),
         ("colours by size", when("colour > red")),
         ("a world", onbrick::sim::World::text("line").unwrap().to_owned()),
@@ -400,6 +411,8 @@ fn robot_cases() -> Vec<(&'static str, String)> {
             "a way in centimetres",
             state("do = { drive_m = 40 }").replace("[numbers]", "time_limit_s = 30\n[numbers]"),
         ),
+        ("an arc that is too long", state("do = { arc = { radius_m = 30, turn_deg = 360 } }")),
+        ("a place in centimetres", state("do = { goto = [80, -20], speed_mps = 0.19 }")),
         ("wheels faster than they may", state("do = { left_dps = 540, right_dps = -720 }")),
         ("one wheel faster", state("do = { left_dps = \"90 * range_m\", right_dps = 720 }")),
         (

@@ -146,7 +146,7 @@ impl Operations for Fake {
                 let mut started = self.started.lock().unwrap();
                 let repeated = started.contains(&start.run);
                 started.push(start.run.clone());
-                serde_json::to_value(Started { run: start.run.clone(), repeated })
+                serde_json::to_value(Started { run: start.run.clone(), repeated, limited_s: None })
             }
             Request::Stop { run } => {
                 serde_json::to_value(Stopped { run: run.clone(), stopped: true, other: None })

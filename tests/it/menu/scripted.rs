@@ -254,7 +254,7 @@ impl World {
         let Chosen::Name(name) = &start.mission else { panic!("the menu starts by name") };
         self.done.push(format!("start {name}"));
         self.begin(name, "menu");
-        answer(&Started { run: start.run.clone(), repeated: false })
+        answer(&Started { run: start.run.clone(), repeated: false, limited_s: None })
     }
 
     fn stop(&mut self, reason: StopReason) -> Result<Answer, Refusal> {

@@ -36,6 +36,14 @@ const DRIVES: [(&str, usize); 10] = [
     ("explore_m", 7),
 ];
 
+/// What people ask for in `do`, and how it is said.
+const ELSEWHERE: [(&str, &str); 3] = [
+    ("set", "it stands in a transition, in `on_entry` or in `on_exit`"),
+    ("wait", TO_WAIT),
+    ("wait_s", TO_WAIT),
+];
+const TO_WAIT: &str = "to wait, look at the time in `next`, as in `when = \"state_s > 2\"`";
+
 /// Keys that go with some motions that end, and with which.
 const OF_MOTIONS: [(&str, &[&str]); 4] = [
     ("face_deg", &["goto"]),
@@ -65,7 +73,15 @@ type Moves = BTreeMap<Role, Range<usize>>;
 impl<'d> Reader<'_, 'd, '_> {
     /// The table `do`; notes in `moves` what is moved, and where.
     pub(super) fn actions(&mut self, table: &Section<'d>, moves: &mut Moves) -> Outputs {
-        table.allow(&actions());
+        let known = actions();
+        for item in table.items().iter().filter(|item| !known.contains(&item.key())) {
+            match ELSEWHERE.iter().find(|(key, _)| *key == item.key()) {
+                Some((key, hint)) => {
+                    item.error_at_key(format!("`{key}` cannot be asked for in `do`")).hint(*hint);
+                }
+                None => table.unknown(item, &known),
+            }
+        }
         let drive = self.drive(table, moves);
         let head_deg = table.get("head_deg").and_then(|item| {
             self.moves(Role::Head, &item, moves);
@@ -134,12 +150,28 @@ impl<'d> Reader<'_, 'd, '_> {
     }
 
     /// Warns of a way that takes longer than the mission, as one in centimetres does.
-    fn is_in_time(&self, item: &Item<'d>, way_m: &Expression) {
+    fn is_in_time(&self, item: &Item<'d>, plan: &MotionPlan) {
         let Some(limits) = self.vocabulary.capabilities.limits else { return };
-        let limit_s = self.time_limit_s();
-        if way_m.always().is_some_and(|way_m| way_m.abs() > limits.max_m_s * limit_s) {
+        let both = |one: &Expression, other: &Expression| one.always().zip(other.always());
+        let way_m = match &plan.goal {
+            GoalPlan::Ahead { way_m } => way_m.always(),
+            GoalPlan::Arc { radius_m, turn_deg } => {
+                both(radius_m, turn_deg).map(|(radius_m, deg)| radius_m * radians(deg))
+            }
+            GoalPlan::Place { x_m, y_m, .. } => both(x_m, y_m).map(|(x, y)| libm::hypot(x, y)),
+            GoalPlan::Turn { .. } | GoalPlan::Explore { .. } => None,
+        };
+        let speed_m_s = match &plan.speed_mps {
+            Some(speed_mps) => speed_mps.always(),
+            None => Some(limits.speed_m_s),
+        };
+        let Some((way_m, speed_m_s)) = way_m.zip(speed_m_s) else { return };
+        let (speed_m_s, limit_s) = (speed_m_s.min(limits.max_m_s), self.time_limit_s());
+        if way_m.abs() > speed_m_s * limit_s {
             item.warning(format!("the robot does not come so far in the mission's {limit_s} s"))
-                .hint("a way is in metres (40 cm are 0.4), and `time_limit_s` can be longer");
+                .hint(format!(
+                    "it drives at {speed_m_s:.2} m/s; a way is in metres (40 cm are 0.4)"
+                ));
         }
     }
 
@@ -202,12 +234,14 @@ impl<'d> Reader<'_, 'd, '_> {
         let keep_m = self.optional(table, "keep_m", KEEP_M);
         let [speed_mps, speed_dps] = self.speeds(table);
         self.vocabulary.pids = pids;
-        Some(MotionPlan {
+        let plan = MotionPlan {
             goal: goal?,
             keep_m: keep_m?,
             speed_mps: speed_mps?,
             speed_dps: speed_dps?,
-        })
+        };
+        self.is_in_time(item, &plan);
+        Some(plan)
     }
 
     /// A motion over the map looks where it drives, with the head where there is one: true then.
@@ -234,11 +268,7 @@ impl<'d> Reader<'_, 'd, '_> {
 
     fn goal(&mut self, table: &Section<'d>, item: &Item<'d>) -> Option<GoalPlan> {
         match item.key() {
-            "drive_m" => {
-                let way_m = self.number(item, WAY_M)?;
-                self.is_in_time(item, &way_m);
-                Some(GoalPlan::Ahead { way_m })
-            }
+            "drive_m" => Some(GoalPlan::Ahead { way_m: self.number(item, WAY_M)? }),
             "turn_deg" => Some(GoalPlan::Turn { turn_deg: self.number(item, TURN_DEG)? }),
             "explore_m" => Some(GoalPlan::Explore { within_m: self.number(item, EXPLORE_M)? }),
             "arc" => {

@@ -13,6 +13,7 @@ use std::time::Duration;
 use super::bring::{Bringing, Brought};
 use crate::cli::Failure;
 use crate::cli::pc::remote::failure;
+use crate::cli::pc::start::limit;
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, nanoseconds};
 use crate::link::client::new_run_id;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, Patience};
@@ -340,8 +341,8 @@ impl Brick {
             let mut seen = lock(&self.seen);
             (seen.stopping, seen.started) = (None, None);
         }
-        client.start_as(run.clone(), Chosen::Text(text), pose, &[])?;
+        let started = client.start_as(run.clone(), Chosen::Text(text), pose, &[])?;
         lock(&self.seen).started = Some(run);
-        Ok(format!("started {name}"))
+        Ok(format!("started {name}{}", limit(&started)))
     }
 }

@@ -15,6 +15,8 @@ import {
 } from "./parts.js";
 
 const kept = { name: "", text: "", saved: "" };
+// What was to be saved last could not be.
+let isAtRisk = false;
 
 const option = (value) => element("option", value);
 const labelled = (text, field) =>
@@ -29,14 +31,17 @@ const place = (text, line, column) => {
 // Saves what differs from what was saved last; also while the page is being closed.
 export async function save(more) {
   const { name, text, saved } = kept;
+  isAtRisk &&= text !== saved;
   if (!name || text === saved) return true;
   const changed = await askFor("save", { name, text, known: saved }, more);
   if (changed) tell(`${name}.toml was changed elsewhere meanwhile; that text is kept, too`);
   const done = changed !== undefined;
   if (done && kept.name === name) kept.saved = text;
+  isAtRisk = !done;
   return done;
 }
 addEventListener("pagehide", () => save({ keepalive: true }));
+addEventListener("beforeunload", (event) => isAtRisk && event.preventDefault());
 
 export function show(view) {
   const files = element("ul", undefined, "list");
@@ -137,7 +142,7 @@ export function show(view) {
   };
 
   async function choose(name) {
-    await save();
+    if (!(await save())) return;
     const text = await read(`missions/text?name=${name}`);
     if (text !== null) open(name, text, text);
   }
@@ -159,9 +164,11 @@ export function show(view) {
     const wanted = name.value.trim();
     if (!wanted) return name.focus();
     if ((await list()).includes(wanted)) return tell(`${wanted} is there already`);
-    await save();
-    const text = await read(`missions/template?name=${templates.value}`);
-    if (text === null || !(await post("save", { name: wanted, text }))) return;
+    if (!(await save())) return;
+    const template = await read(`missions/template?name=${templates.value}`);
+    // Cards and runs are called by the name in the text.
+    const text = template?.replace(/^name = ".*"/m, () => `name = ${JSON.stringify(wanted)}`);
+    if (!text || !(await post("save", { name: wanted, text }))) return;
     name.value = "";
     open(wanted, text, text);
   }
@@ -184,7 +191,7 @@ export function show(view) {
   }
   async function back() {
     if (!versions.value) return;
-    await save();
+    if (!(await save())) return;
     const text = await read(`missions/version?name=${kept.name}&stamp=${versions.value}`);
     if (text === null) return;
     area.value = text;
@@ -193,7 +200,7 @@ export function show(view) {
 
   async function trial() {
     if (!kept.name) return tell("open a mission first");
-    await save();
+    if (!(await save())) return;
     const { name, text } = kept;
     if (!(await post("try", { name, text, world: worlds.value }))) return;
     if (frame.hidden) {
@@ -206,7 +213,7 @@ export function show(view) {
   async function start(bricks) {
     if (!kept.name) return tell("open a mission first");
     if (!bricks.length) return tell("choose a brick");
-    await save();
+    if (!(await save())) return;
     await check();
     if (verdict.dataset.good === "false") return tell("the mission is not in order yet");
     const { name, text } = kept;

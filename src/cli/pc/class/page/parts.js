@@ -66,14 +66,23 @@ export const known = { bricks: [], strangers: [], pairing: null, together: null 
 const pictures = [];
 
 export const picture = (number) =>
-  (pictures[number] ??= { session: null, next: "", path: [], points: [], ahead: [], grown: 0 });
+  (pictures[number] ??= {
+    session: null,
+    next: "",
+    path: [],
+    points: [],
+    ahead: [],
+    pose: null,
+    grown: 0,
+  });
 
 export const gather = (state) => {
   Object.assign(known, state);
-  state.bricks.forEach(({ glimpse }, number) => {
+  state.bricks.forEach(({ glimpse, pose }, number) => {
     const kept = picture(number);
     if (kept.session !== glimpse.session)
-      Object.assign(kept, { session: glimpse.session, path: [], points: [] });
+      Object.assign(kept, { session: glimpse.session, path: [], points: [], pose: null });
+    kept.pose = pose ?? kept.pose;
     kept.path.push(...glimpse.path);
     kept.points.push(...glimpse.points);
     const changed =

@@ -25,11 +25,11 @@ export function show(view) {
   // A brick of the team as it drives, and any other where it is to start.
   const tracks = () =>
     [...chosen].map((at, turn) => {
-      const { pose: now, name } = known.bricks[at];
+      const { name } = known.bricks[at];
       const [x, y, degrees] = poses.get(at);
       const runs = known.together?.members.some(([brick]) => brick === at);
       const found = runs ? picture(at) : { path: [], points: [], ahead: [] };
-      const pose = (runs && now) || [x, y, (degrees * Math.PI) / 180];
+      const pose = found.pose ?? [x, y, (degrees * Math.PI) / 180];
       return { ...found, name, paint: colour(turn), pose };
     });
   const drawn = () => {
@@ -49,9 +49,11 @@ export function show(view) {
     });
     made.setAttribute("aria-label", `${label} of ${known.bricks[at].name}`);
     made.addEventListener("input", () => {
-      poses.get(at)[axis] = Number(made.value) || 0;
+      // An empty field, or half a number, is none.
+      if (!Number.isNaN(made.valueAsNumber)) poses.get(at)[axis] = made.valueAsNumber;
       drawn();
     });
+    made.addEventListener("change", () => (made.value = poses.get(at)[axis]));
     return put(element("td"), made);
   };
   // How each brick is, and what came of its start.
