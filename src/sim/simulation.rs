@@ -14,9 +14,9 @@ mod beside;
 use super::brick::Brick;
 
 pub use super::brick::Plugged;
-use super::driver::Stored;
+use super::driver::Took;
 use super::driver::board::Pack;
-use super::driver::lcd::LcdGeometry;
+use super::driver::lcd::{Lcd, LcdGeometry};
 use super::driver::sensor::GyroMake;
 use super::fault::{
     Act, ControlError, DeviceFault, FaultError, FaultRecord, Faults, Order, Scenario,
@@ -188,7 +188,7 @@ impl Simulation {
     /// `None` without such a robot.
     #[must_use]
     pub fn screen(&self, robot: usize) -> Option<(u32, u32, Vec<u8>)> {
-        self.state().bricks.get(robot)?.screen_greys()
+        self.state().bricks.get(robot)?.lcd().map(Lcd::greys)
     }
 
     /// Looks into the world, or changes it, at the present time. `None` if the world is not a `W`.
@@ -205,7 +205,7 @@ impl Simulation {
     ///
     /// EINVAL for a motor in an input port and the reverse, ENOENT without such a robot.
     pub fn plug(&self, robot: usize, port: Port, device: Plugged) -> Result<(), Errno> {
-        self.with_brick(robot, |brick, now_ns| brick.plug(port.index(), Some(device), now_ns))
+        self.with_brick(robot, |brick, now_ns| brick.plug(port, Some(device), now_ns))
     }
 
     /// Pulls what is in a port. The device disappears 0.1 s later.
@@ -214,7 +214,7 @@ impl Simulation {
     ///
     /// ENOENT without such a robot.
     pub fn unplug(&self, robot: usize, port: Port) -> Result<(), Errno> {
-        self.with_brick(robot, |brick, now_ns| brick.plug(port.index(), None, now_ns))
+        self.with_brick(robot, |brick, now_ns| brick.plug(port, None, now_ns))
     }
 
     /// Puts a frame of raw bytes into the sensor on a port, as if it went on sending it; with
@@ -224,7 +224,7 @@ impl Simulation {
     ///
     /// ENODEV where no sensor is registered, ENOENT without such a robot.
     pub fn feed(&self, robot: usize, port: Port, frame: Option<&[u8]>) -> Result<(), Errno> {
-        self.with_brick(robot, |brick, _| brick.feed(port.index(), frame))
+        self.with_brick(robot, |brick, _| brick.feed(port, frame))
     }
 
     /// Makes something go wrong on a port, until it is cleared.
@@ -376,13 +376,7 @@ impl State {
     /// # Errors
     ///
     /// ENODEV for a device that is gone; else the driver's.
-    pub(crate) fn store(
-        &mut self,
-        robot: usize,
-        id: u32,
-        attribute: &str,
-        bytes: &[u8],
-    ) -> Result<Stored, Errno> {
+    pub(crate) fn store(&mut self, robot: usize, id: u32, attribute: &str, bytes: &[u8]) -> Took {
         let brick = self.bricks.get_mut(robot).ok_or(Errno::ENODEV)?;
         let stored = brick.store(id, attribute, bytes, self.now_ns);
         brick.settle_port(id, self.now_ns, self.physics.as_mut());

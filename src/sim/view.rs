@@ -262,7 +262,7 @@ impl Simulation {
                 devices,
                 lights: brick.lights(),
                 tone_hz: brick.speaker.tone_hz,
-                screen: brick.screen_changes(),
+                screen: brick.lcd().map_or(0, |lcd| lcd.changes),
                 pressed: brick.buttons.pressed.iter().map(|button| button.as_str()).collect(),
                 faults: brick
                     .faults_active()

@@ -81,7 +81,6 @@ pub(crate) struct Sensor {
     pub(crate) kind: SensorKind,
     /// What its driver is.
     pub(crate) model: &'static Model,
-    address: &'static str,
     make: GyroMake,
     /// How often the board's controller is asked for the sensor's values; none where the sensor
     /// sends them to the driver.
@@ -115,7 +114,6 @@ impl Sensor {
     /// A sensor that has just reported itself, in its first mode.
     pub(crate) fn new(
         kind: SensorKind,
-        address: &'static str,
         make: GyroMake,
         polls_ns: Option<i64>,
         now_ns: i64,
@@ -123,7 +121,6 @@ impl Sensor {
         Self {
             kind,
             model: model(kind),
-            address,
             make,
             polls_ns,
             wire: SerialLine::Sound,
@@ -340,10 +337,6 @@ impl Sensor {
 impl Driver for Sensor {
     fn attributes(&self) -> Attributes {
         [ev3dev::Sensor::ATTRIBUTES, ev3dev::Sensor::BINARY_ATTRIBUTES]
-    }
-
-    fn identity(&self) -> Option<(&'static str, &str)> {
-        Some((self.model.driver_name, self.address))
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {

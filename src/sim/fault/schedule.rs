@@ -101,8 +101,8 @@ impl Faults {
             Act::Inject(port, fault, for_ns) => {
                 let until_ns = for_ns.map(|for_ns| now_ns.saturating_add(for_ns));
                 brick.inject(*port, fault, until_ns, now_ns)?;
-                if let (DeviceFault::Block, Some(out)) = (fault, port.output()) {
-                    physics.fail(robot, Fault::BlockedMotor(out));
+                if *fault == DeviceFault::Block {
+                    physics.fail(robot, Fault::BlockedMotor(port.place()));
                 }
             }
             Act::Clear(port) => {
@@ -205,9 +205,9 @@ fn restore(
     now_ns: i64,
     physics: &mut dyn Physics,
 ) {
-    match (fault, port.output()) {
-        (DeviceFault::Unplug, _) => brick.put_back(port, now_ns),
-        (DeviceFault::Block, Some(out)) => physics.fail(robot, Fault::FreedMotor(out)),
+    match fault {
+        DeviceFault::Unplug => brick.put_back(port, now_ns),
+        DeviceFault::Block => physics.fail(robot, Fault::FreedMotor(port.place())),
         _ => {}
     }
 }

@@ -10,7 +10,7 @@ use super::LOOK_NS;
 use super::told::{self, Tells};
 use crate::clock::span_ns;
 use crate::ev3dev::{Access, AttributeFile, AttributeSpec, Button, Direction, Legal};
-use crate::sim::brick::Brick;
+use crate::sim::brick::{Brick, MOST_STORED};
 use crate::sim::driver::Wait;
 use crate::sim::driver::input::{EventLayout, Events};
 use crate::sim::physics::STEP_NS;
@@ -204,17 +204,12 @@ impl SimFile {
                 } else {
                     state.store(self.robot, *id, spec.name, value)
                 };
-                state.note(self.robot, path, value, stored.map(|stored| stored.taken));
+                let taken = value.len().min(MOST_STORED);
+                state.note(self.robot, path, value, stored.map(|_| taken));
                 drop(state);
-                let stored = stored?;
-                Ok(stored.wait.map_or(Write::Done(stored.taken), |wait| {
-                    Write::Waits(Waiting {
-                        simulation: self.simulation.clone(),
-                        robot: self.robot,
-                        id: *id,
-                        taken: stored.taken,
-                        wait,
-                    })
+                let (simulation, robot, id) = (self.simulation.clone(), self.robot, *id);
+                Ok(stored?.map_or(Write::Done(taken), |wait| {
+                    Write::Waits(Waiting { simulation, robot, id, taken, wait })
                 }))
             }
             // The EV3's buttons have no lights and no sounds: the kernel takes what is written and

@@ -1,10 +1,11 @@
 //! What of a brick's devices a person is shown: what a program would read now.
 
 use super::{DeviceView, Light};
-use crate::ev3dev::{Hue, Lamp, PortAddress};
+use crate::ev3dev::{Hue, Lamp};
 use crate::printable;
 use crate::senses;
 use crate::sim::brick::{Brick, Class};
+use crate::sim::driver::Identity;
 
 /// Furthest that the ultrasonic measures, in the numbers of its two units; what it says without an
 /// echo.
@@ -40,8 +41,7 @@ impl Brick {
             Class::DcMotor => ("state", "duty_cycle"),
             _ => ("state", "speed"),
         };
-        let address: PortAddress = read("address").parse().ok()?;
-        let driver = self.driver_name(id)?;
+        let Identity { driver_name: driver, address } = self.identity(id)?;
         let (state, value) = (read(state), read(value));
         let (what, told) = match value.parse::<i32>() {
             Ok(number) if class == Class::Sensor => told(driver, &state, number),
@@ -49,7 +49,7 @@ impl Brick {
             Err(_) => (state.clone(), value.clone()),
         };
         Some(DeviceView {
-            port: crate::sim::Port::named(address.short())?.as_str(),
+            port: crate::sim::Port::named(address)?.as_str(),
             name: name.to_owned(),
             driver,
             state,
