@@ -18,7 +18,7 @@
 use std::f64::consts::PI;
 
 use super::motor::{Motor, toward_zero};
-use super::world::geometry::{Point, Segment, Surfaces, cross, direction, perpendicular, sides};
+use super::world::geometry::{Point, Segment, Surfaces, direction, perpendicular, sides};
 use super::world::robot::RobotModel;
 
 /// How near a surface is for a contact to be looked at.
@@ -111,8 +111,7 @@ impl Outline {
 }
 
 fn unit(vector: Point) -> Point {
-    let norm = vector.norm();
-    if norm > 1e-9 { vector / norm } else { Point::zeros() }
+    vector.try_normalize(1e-9).unwrap_or_default()
 }
 
 /// One robot's body: where it is and how it moves.
@@ -164,7 +163,7 @@ impl Body {
 
     fn push(&mut self, impulse: Point, lever: Point) {
         self.velocity += impulse * self.inverse_mass;
-        self.turning_rad_s += cross(lever, impulse) * self.inverse_inertia;
+        self.turning_rad_s += lever.perp(&impulse) * self.inverse_inertia;
     }
 
     fn drag(&mut self, step_s: f64) {
@@ -179,7 +178,7 @@ impl Body {
     }
 
     fn response(&self, lever: Point, along: Point) -> f64 {
-        let arm = cross(lever, along);
+        let arm = lever.perp(&along);
         self.inverse_mass + arm * arm * self.inverse_inertia
     }
 }
@@ -270,7 +269,7 @@ impl Solver {
             for disc in &surfaces.discs {
                 let (core, distance) = outline.nearest_core(disc.centre);
                 let gap_m = distance - disc.radius_m - outline.corner_m;
-                self.add(index, body, None, core, disc.centre, gap_m, outline.corner_m);
+                self.add(index, body, None, core, disc.centre, gap_m);
             }
             for (other_index, other) in bodies.iter().enumerate().skip(index + 1) {
                 let hull = other.outline_now();
@@ -296,23 +295,14 @@ impl Solver {
         let radii = outline.corner_m + radius_m;
         for corner in outline.core {
             let point = segment.closest(corner);
-            self.add(
-                index,
-                body,
-                other,
-                corner,
-                point,
-                (corner - point).norm() - radii,
-                outline.corner_m,
-            );
+            self.add(index, body, other, corner, point, (corner - point).norm() - radii);
         }
         for end in [segment.from, segment.to] {
             let (core, distance) = outline.nearest_core(end);
-            self.add(index, body, other, core, end, distance - radii, outline.corner_m);
+            self.add(index, body, other, core, end, distance - radii);
         }
     }
 
-    #[expect(clippy::too_many_arguments, reason = "the two ends of one contact")]
     fn add(
         &mut self,
         body_index: usize,
@@ -321,14 +311,13 @@ impl Solver {
         core: Point,
         surface: Point,
         gap_m: f64,
-        corner_m: f64,
     ) {
         if gap_m > MARGIN_M {
             return;
         }
         let apart = core - surface;
-        let normal = if apart.norm() > 1e-9 { unit(apart) } else { unit(body.place - surface) };
-        let touch = core - normal * corner_m;
+        let normal = apart.try_normalize(1e-9).unwrap_or_else(|| unit(body.place - surface));
+        let touch = core - normal * body.outline.corner_m;
         self.contacts.push(Contact {
             body: body_index,
             other: other.map(|(index, _)| index),

@@ -150,7 +150,7 @@ impl Brick {
             let lcd = Device::Lcd(Lcd::new(self.options.lcd));
             self.register(Node::built_in(Class::Graphics, "fb0".to_owned(), lcd));
         }
-        let battery = Device::Battery(Battery::new(self.options.pack, board));
+        let battery = Device::Battery(Battery::new(self.options.cells, board));
         self.register(Node::built_in(Class::PowerSupply, platform.battery.to_owned(), battery));
         for (number, says) in board.boards.iter().enumerate() {
             let described = Device::Board(BoardInfo::new(self.robot, says));

@@ -15,7 +15,6 @@ use super::brick::Brick;
 
 pub use super::brick::Plugged;
 use super::driver::Took;
-use super::driver::board::Pack;
 use super::driver::lcd::{Lcd, LcdGeometry};
 use super::driver::sensor::GyroMake;
 use super::fault::{
@@ -27,7 +26,7 @@ use super::ports::Port;
 use super::view::Trail;
 use super::world_physics::WorldPhysics;
 use crate::clock::{Clock, MILLISECOND_NS};
-use crate::ev3dev::{Button, Platform};
+use crate::ev3dev::{Button, Platform, Technology};
 use crate::threads::lock;
 
 /// How a brick is made, where bricks differ.
@@ -38,7 +37,7 @@ pub struct Options {
     /// How gyros take a change of mode.
     pub gyro: GyroMake,
     /// What feeds the brick.
-    pub pack: Pack,
+    pub cells: Technology,
     /// For so long after a device appeared its files cannot be opened for writing (EACCES), until
     /// udev has got round to it. Nanoseconds; 0 for never.
     pub access_delay_ns: i64,
@@ -381,11 +380,6 @@ impl State {
         let stored = brick.store(id, attribute, bytes, self.now_ns);
         brick.settle_port(id, self.now_ns, self.physics.as_mut());
         stored
-    }
-
-    /// Begins to gather what robots drive and see.
-    pub(crate) fn watch(&mut self) {
-        self.trail.get_or_insert_default();
     }
 
     /// The world, if the physics is one.

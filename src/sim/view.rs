@@ -222,7 +222,7 @@ const TOLD: usize = 8;
 impl Simulation {
     /// Gathers from now on what robots drive and see, for [`View::marks`].
     pub fn watch(&self) {
-        self.state().watch();
+        self.state().trail.get_or_insert_default();
     }
 
     /// The room; none where the physics is not a [`WorldPhysics`].
