@@ -42,7 +42,7 @@ pub(crate) const MOST_STORED: usize = 4096;
 static UEVENT: AttributeSpec = readwriteable("uevent");
 
 #[derive(Debug)]
-enum Device {
+pub(crate) enum Device {
     Tacho(Box<TachoMotor>),
     Dc(DcMotor),
     Servo(ServoMotor),
@@ -55,16 +55,17 @@ enum Device {
     Board(BoardInfo),
 }
 
+/// A device that is registered.
 #[derive(Debug)]
-struct Node {
+pub(crate) struct Node {
     id: u32,
-    class: Class,
-    name: String,
+    pub(crate) class: Class,
+    pub(crate) name: String,
     registered_ns: i64,
     /// The port that it is plugged into.
     port: Option<Port>,
     /// What a device of LEGO's classes says of itself.
-    identity: Option<Identity>,
+    pub(crate) identity: Option<Identity>,
     device: Device,
 }
 
@@ -305,13 +306,9 @@ impl Brick {
         found.map(|node| node.id)
     }
 
-    fn node(&self, id: u32) -> Option<&Node> {
+    /// A device, unless it is gone.
+    pub(crate) fn node(&self, id: u32) -> Option<&Node> {
         self.nodes.iter().find(|node| node.id == id)
-    }
-
-    /// What a device says of itself, if it is of one of LEGO's classes.
-    pub(crate) fn identity(&self, id: u32) -> Option<&Identity> {
-        self.node(id)?.identity.as_ref()
     }
 
     fn driver(&self, id: u32) -> Option<&dyn Driver> {
@@ -331,7 +328,7 @@ impl Brick {
 
     /// True while a device's files cannot be opened for writing.
     pub(crate) fn is_denied(&self, id: u32, now_ns: i64) -> bool {
-        let age_ns = now_ns - self.registered_ns(id).unwrap_or_default();
+        let age_ns = now_ns - self.node(id).map_or(0, |node| node.registered_ns);
         age_ns < self.options.access_delay_ns
             || self.faults_of(id).is_some_and(|faults| faults.has(&DeviceFault::Denied))
     }
@@ -340,11 +337,6 @@ impl Brick {
     pub(crate) fn attribute(&self, id: u32, name: &str) -> Option<&'static AttributeSpec> {
         let own = self.driver(id)?.attributes().into_iter().flatten();
         own.chain(&POWER).chain([&UEVENT]).find(|spec| spec.name == name)
-    }
-
-    /// When a device was registered.
-    pub(crate) fn registered_ns(&self, id: u32) -> Option<i64> {
-        self.node(id).map(|node| node.registered_ns)
     }
 
     /// Appends an attribute's text.
@@ -360,7 +352,7 @@ impl Brick {
         out: &mut Vec<u8>,
     ) -> Result<(), Errno> {
         let driver = self.driver(id).ok_or(Errno::ENODEV)?;
-        let identity = self.identity(id);
+        let identity = self.node(id).and_then(|node| node.identity.as_ref());
         match self.faults_of(id).and_then(|faults| faults.reading(attribute, now_ns)) {
             Some(Reading::Fails(errno)) => return Err(errno),
             Some(Reading::Reads(text)) => {

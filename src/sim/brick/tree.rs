@@ -122,11 +122,11 @@ impl Brick {
         }
         let (id, rest) = self.locate(path).ok_or(Errno::EINVAL)?;
         let folder = self.folder(id).ok_or(Errno::ENOENT)?;
-        let (class, _) = self.name(id).ok_or(Errno::ENOENT)?;
-        let bus_driver = self.node(id).and_then(|node| match &node.device {
+        let node = self.node(id).ok_or(Errno::ENOENT)?;
+        let bus_driver = match &node.device {
             Device::Bus(device) => Some(device.driver),
             _ => None,
-        });
+        };
         match (rest, bus_driver) {
             ("subsystem", Some(_)) => return Ok(format!("{up}bus/lego")),
             ("driver", Some(driver)) => return Ok(format!("{up}bus/lego/drivers/{driver}")),
@@ -135,9 +135,11 @@ impl Brick {
         }
         match rest {
             "" if path.starts_with("sys/class/") => Ok(format!("../../{folder}")),
-            "subsystem" => {
-                Ok(format!("{}class/{}", "../".repeat(folder.split('/').count()), class.as_str()))
-            }
+            "subsystem" => Ok(format!(
+                "{}class/{}",
+                "../".repeat(folder.split('/').count()),
+                node.class.as_str()
+            )),
             // Above are the class's folder, and the device that it belongs to.
             "device" => Ok(format!("../../../{}", folder.rsplit('/').nth(2).unwrap_or_default())),
             _ => Err(Errno::EINVAL),
@@ -158,11 +160,6 @@ impl Brick {
             if rest.is_empty() { Some((id, rest)) } else { Some((id, rest.strip_prefix('/')?)) }
         });
         inside.min_by_key(|(_, rest)| rest.len())
-    }
-
-    /// A device's class and name.
-    pub(crate) fn name(&self, id: u32) -> Option<(Class, &str)> {
-        self.node(id).map(|node| (node.class, node.name.as_str()))
     }
 
     /// Folders on the way to those of devices.

@@ -87,7 +87,7 @@ impl Waiting {
         self.simulation.wait_until(self.wait.until_ns.div_euclid(STEP_NS) * STEP_NS + STEP_NS);
         let state = self.simulation.state();
         let brick = state.bricks.get(self.robot).ok_or(Errno::ENODEV)?;
-        brick.registered_ns(self.id).ok_or(Errno::ENODEV)?;
+        brick.node(self.id).ok_or(Errno::ENODEV)?;
         self.wait.then.map_or(Ok(self.taken), Err)
     }
 }
@@ -249,8 +249,7 @@ impl SimFile {
         let Some(brick) = state.bricks.get(self.robot) else { return false };
         match &self.kind {
             Kind::Attribute { id, spec, seen, .. } => {
-                brick.registered_ns(*id).is_some()
-                    && seen.get() != Some(brick.notices(*id, spec.name))
+                brick.node(*id).is_some() && seen.get() != Some(brick.notices(*id, spec.name))
             }
             Kind::Events { device, next, .. } => events(brick, *device).total > next.get(),
             Kind::Screen | Kind::Told(_) => false,
@@ -271,7 +270,7 @@ impl SimFile {
     fn is_gone(&self) -> bool {
         let Kind::Attribute { id, .. } = self.kind else { return false };
         let state = self.simulation.state();
-        state.bricks.get(self.robot).and_then(|brick| brick.registered_ns(id)).is_none()
+        state.bricks.get(self.robot).and_then(|brick| brick.node(id)).is_none()
     }
 }
 
@@ -292,8 +291,8 @@ fn attribute(brick: &Brick, path: &str, access: Access, now_ns: i64) -> Result<K
     {
         return Err(Errno::EACCES);
     }
-    let (class, name) = brick.name(id).ok_or(Errno::ENOENT)?;
-    let path = format!("sys/class/{}/{name}/{attribute}", class.as_str());
+    let node = brick.node(id).ok_or(Errno::ENOENT)?;
+    let path = format!("sys/class/{}/{}/{attribute}", node.class.as_str(), node.name);
     Ok(Kind::Attribute { id, spec, path, seen: Cell::new(None) })
 }
 

@@ -41,7 +41,7 @@ impl Brick {
             Class::DcMotor => ("state", "duty_cycle"),
             _ => ("state", "speed"),
         };
-        let Identity { driver_name: driver, address } = self.identity(id)?;
+        let Identity { driver_name: driver, address } = self.node(id)?.identity.as_ref()?;
         let (state, value) = (read(state), read(value));
         let (what, told) = match value.parse::<i32>() {
             Ok(number) if class == Class::Sensor => told(driver, &state, number),
