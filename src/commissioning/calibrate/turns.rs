@@ -3,7 +3,6 @@
 use std::f64::consts::PI;
 
 use crate::behavior::Drive;
-use crate::commissioning::Dialogue;
 use crate::mapping::whole_turn::WholeTurns;
 use crate::senses::Channel;
 use crate::units::{degrees, radians};
@@ -50,7 +49,6 @@ const STEPS: u32 = 60;
 /// Spins in both directions; the track width, and the gyro's scale where turns were marked.
 pub(super) fn track_width(
     stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
     options: &CalibrateOptions,
     circumference_m: f64,
 ) -> Result<(Measured, Option<f64>), CalibrateError> {
@@ -59,7 +57,7 @@ pub(super) fn track_width(
         if options.mark == Some(false) {
             return Err(CalibrateError::NoGyro);
         }
-        let spins = marked_spins(stage, dialogue, options.pairs.unwrap_or(2))?;
+        let spins = marked_spins(stage, options.pairs.unwrap_or(2))?;
         let [left, right] = spins.map(|spins| {
             spins
                 .iter()
@@ -68,7 +66,7 @@ pub(super) fn track_width(
         });
         return Ok((Measured::of(before_m, [&left, &right]), None));
     }
-    dialogue.agree(
+    stage.dialogue.agree(
         "The robot will now spin on the spot, to the left and to the right. Does it have a hand's \
          width of space all around?",
     )?;
@@ -84,31 +82,33 @@ pub(super) fn track_width(
         .map(|(before, [left, right])| Measured::of(before, [left, right]));
     let is_clear = scale.doubt.is_none() && scale.standard_error < CLEAR;
     if is_clear && options.mark != Some(true) {
-        say_scale(dialogue, scale.after, "by what the range sensor hears again");
+        say_scale(stage, scale.after, "by what the range sensor hears again");
         return Ok((measured.scaled(scale.after, scale.standard_error), Some(scale.after)));
     }
-    if !is_marked(dialogue, options)? {
+    if !is_marked(stage, options)? {
         let measured = measured.scaled(stage.config().gyro_scale, 0.0);
         return Ok((Measured { unseen: GYRO_UNSEEN, ..measured }, None));
     }
-    let [left, right] = marked_spins(stage, dialogue, 1)?;
+    let [left, right] = marked_spins(stage, 1)?;
     let scales: Vec<f64> =
         left.iter().chain(&right).map(|spin| spin.gyro_rad() / marked_rad(spin)).collect();
     let [a, b] = [scales.first(), scales.last()].map(|scale| scale.copied().unwrap_or(f64::NAN));
     let scale = f64::midpoint(a, b);
-    say_scale(dialogue, scale, "by your marks");
+    say_scale(stage, scale, "by your marks");
     // Of two values, half their distance is the mean's standard error.
     Ok((measured.scaled(scale, ((a - b) / 2.0 / scale).abs()), Some(scale)))
 }
 
-fn say_scale(dialogue: &mut dyn Dialogue, scale: f64, by: &str) {
-    dialogue.say(&format!("The gyro says {:.1} degrees for a whole turn, {by}.", 360.0 * scale));
+fn say_scale(stage: &mut Stage<'_>, scale: f64, by: &str) {
+    stage
+        .dialogue
+        .say(&format!("The gyro says {:.1} degrees for a whole turn, {by}.", 360.0 * scale));
 }
 
-fn is_marked(dialogue: &mut dyn Dialogue, options: &CalibrateOptions) -> Result<bool, NoAnswer> {
+fn is_marked(stage: &mut Stage<'_>, options: &CalibrateOptions) -> Result<bool, NoAnswer> {
     match options.mark {
         Some(mark) => Ok(mark),
-        None => dialogue.confirm(
+        None => stage.dialogue.confirm(
             "A gyro counts 1 to 4 % too much or too little, and only your eyes can tell. Mark two \
              spins by a line on the floor?",
         ),
@@ -173,56 +173,44 @@ fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<(Spin, WholeTurns), C
 }
 
 /// Spins that a person marks, in both directions.
-fn marked_spins(
-    stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
-    pairs: u32,
-) -> Result<[Vec<Spin>; 2], CalibrateError> {
+fn marked_spins(stage: &mut Stage<'_>, pairs: u32) -> Result<[Vec<Spin>; 2], CalibrateError> {
     let (mut left, mut right) = (Vec::new(), Vec::new());
     for _ in 0..pairs {
-        left.push(marked_spin(stage, dialogue, 1.0)?);
-        right.push(marked_spin(stage, dialogue, -1.0)?);
+        left.push(marked_spin(stage, 1.0)?);
+        right.push(marked_spin(stage, -1.0)?);
     }
     Ok([left, right])
 }
 
-fn marked_spin(
-    stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
-    way: f64,
-) -> Result<Spin, CalibrateError> {
+fn marked_spin(stage: &mut Stage<'_>, way: f64) -> Result<Spin, CalibrateError> {
     let side = if way > 0.0 { "left" } else { "right" };
-    dialogue.agree(&format!(
+    stage.dialogue.agree(&format!(
         "Put the robot exactly along a line on the floor. It will spin {MARKED_TURNS} whole turns \
          to the {side}, slowly at the end: press Enter when it stands along the line again. Ready?"
     ))?;
     let from = stage.rest()?;
     let marked_rad = MARKED_TURNS * 2.0 * PI;
     turn(stage, way * SPIN_RAD_S, FAST_SHARE * marked_rad)?;
-    dialogue.say("Now slowly: press Enter when it stands along the line.");
+    stage.dialogue.say("Now slowly: press Enter when it stands along the line.");
     // Both parts together are one and a half times the way, and no more.
     let slow = limit(stage, (SLACK - FAST_SHARE) * marked_rad / SLACK, CREEP_RAD_S);
-    if stage.drive_until_pressed(spinning(way * CREEP_RAD_S), slow, dialogue)? == Ended::Limit {
+    if stage.drive_until_pressed(spinning(way * CREEP_RAD_S), slow)? == Ended::Limit {
         return Err(CalibrateError::TooFar(
             "Enter was not pressed within one and a half times the way: start again and watch \
              the line"
                 .to_owned(),
         ));
     }
-    align(stage, dialogue, way)?;
+    align(stage, way)?;
     Ok(Spin { from, to: stage.rest()?, way })
 }
 
 /// Step by step to the line, because no person presses a button at the exact moment.
-fn align(
-    stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
-    way: f64,
-) -> Result<(), CalibrateError> {
+fn align(stage: &mut Stage<'_>, way: f64) -> Result<(), CalibrateError> {
     for _ in 0..STEPS {
         let answers =
             ["yes, exactly", "it must turn a little further", "it must turn back a little"];
-        match dialogue.choose("Does it stand along the line?", &answers, 0)? {
+        match stage.dialogue.choose("Does it stand along the line?", &answers, 0)? {
             0 => return Ok(()),
             1 => turn(stage, way * CREEP_RAD_S, STEP_RAD)?,
             _ => turn(stage, -way * CREEP_RAD_S, STEP_RAD)?,
