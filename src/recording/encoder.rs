@@ -13,7 +13,7 @@ use super::grid::{self, Grid};
 use super::message::{self, Gap, Header, PLANAR_VARIANCE, Quaternion, Time, Vector3, planar};
 use super::points;
 use super::run::RecordedPose;
-use super::sink::RecordError;
+use super::sink::{RecordError, Sink};
 use super::status::{SAYS, Status};
 use super::tick::{Dropped, Entry, Level, TickRecord};
 use super::topic::{FRAME_BASE, FRAME_MAP, FRAME_ODOM, FRAME_RANGE, Topic};
@@ -73,16 +73,18 @@ struct Window {
 }
 
 impl Encoder {
-    pub(super) fn new(
-        file: RecordingFile,
+    /// Begins a file; what is known before the first tick is on the disk when this returns.
+    pub(super) fn begin(
+        sink: Box<dyn Sink>,
         start: Start,
         sync_period_ns: i64,
         ring_size: u32,
-    ) -> Self {
+    ) -> Result<Self, RecordError> {
+        let file = RecordingFile::begin(sink, &start)?;
         let status = Status::at_start(&start);
         let map = OccupancyGrid::around(&start.info.start_pose);
         let surveyed = (start.info.pace == Pace::Virtual).then(Surveyed::default);
-        Self {
+        let mut encoder = Self {
             file,
             start,
             sync_period_ns,
@@ -98,7 +100,10 @@ impl Encoder {
             ring_size,
             senses: message::SensesMessage::default(),
             status,
-        }
+        };
+        encoder.static_transforms()?;
+        encoder.file.sync()?;
+        Ok(encoder)
     }
 
     /// Notes how full the ring was. Where time is simulated that says something of the machine and
@@ -186,7 +191,7 @@ impl Encoder {
 
     /// The frames that do not move. Poses are given in the map's frame, so odometry starts from
     /// there.
-    pub(super) fn static_transforms(&mut self) -> Result<(), RecordError> {
+    fn static_transforms(&mut self) -> Result<(), RecordError> {
         let time_ns = self.start.info.start_ns;
         let still = self.transform(
             time_ns,
