@@ -92,6 +92,8 @@ pub(crate) struct Brick {
     robot: usize,
     options: Options,
     pub(crate) board: &'static Board,
+    /// Time since the simulation began.
+    pub(crate) now_ns: i64,
     ports: [PortState; 8],
     nodes: Vec<Node>,
     counters: Counters,
@@ -120,6 +122,7 @@ impl Brick {
             robot,
             options,
             board,
+            now_ns: 0,
             ports,
             nodes: Vec::new(),
             counters: Counters::default(),
@@ -129,7 +132,7 @@ impl Brick {
             speaker: Speaker::default(),
         };
         brick.register_fixed();
-        brick.step(0, physics);
+        brick.step(physics);
         brick
     }
 
@@ -160,11 +163,11 @@ impl Brick {
     }
 
     /// What happens in one step: plugs, then every device.
-    pub(crate) fn step(&mut self, now_ns: i64, physics: &mut dyn Physics) {
+    pub(crate) fn step(&mut self, physics: &mut dyn Physics) {
         for port in Port::ALL {
-            self.step_port(port, now_ns, physics);
+            self.step_port(port, physics);
         }
-        let robot = self.robot;
+        let (robot, now_ns) = (self.robot, self.now_ns);
         self.faults.iter_mut().for_each(|faults| faults.step(now_ns));
         for node in &mut self.nodes {
             if let Device::Battery(battery) = &mut node.device
@@ -205,27 +208,28 @@ impl Brick {
     }
 
     /// What the driver of a port does before a write to it returns: it unregisters and registers.
-    pub(crate) fn settle_port(&mut self, id: u32, now_ns: i64, physics: &mut dyn Physics) {
+    pub(crate) fn settle_port(&mut self, id: u32, physics: &mut dyn Physics) {
         if let Some(&Device::Port(port)) = self.node(id).map(|node| &node.device) {
-            self.step_port(port, now_ns, physics);
+            self.step_port(port, physics);
         }
     }
 
-    fn step_port(&mut self, port: Port, now_ns: i64, physics: &mut dyn Physics) {
+    fn step_port(&mut self, port: Port, physics: &mut dyn Physics) {
         loop {
-            match self.ports[port.index()].due(now_ns) {
+            match self.ports[port.index()].due(self.now_ns) {
                 Change::Nothing => return,
                 Change::Unregister => {
                     self.ports[port.index()].device = None;
                     self.nodes.retain(|node| node.port != Some(port));
                 }
-                Change::Register(wanted) => self.register_on(port, wanted, now_ns, physics),
+                Change::Register(wanted) => self.register_on(port, wanted, physics),
             }
         }
     }
 
-    fn register_on(&mut self, port: Port, wanted: Wanted, now_ns: i64, physics: &mut dyn Physics) {
+    fn register_on(&mut self, port: Port, wanted: Wanted, physics: &mut dyn Physics) {
         let (board, robot, place) = (self.board, self.robot, port.place());
+        let now_ns = self.now_ns;
         let address = board.address(port);
         let [analog, serial, motor_driver] = board.bus;
         let (class, name, bus_driver, driver_name, device) = match wanted {
@@ -327,8 +331,8 @@ impl Brick {
     }
 
     /// True while a device's files cannot be opened for writing.
-    pub(crate) fn is_denied(&self, id: u32, now_ns: i64) -> bool {
-        let age_ns = now_ns - self.node(id).map_or(0, |node| node.registered_ns);
+    pub(crate) fn is_denied(&self, id: u32) -> bool {
+        let age_ns = self.now_ns - self.node(id).map_or(0, |node| node.registered_ns);
         age_ns < self.options.access_delay_ns
             || self.faults_of(id).is_some_and(|faults| faults.has(&DeviceFault::Denied))
     }
@@ -344,16 +348,10 @@ impl Brick {
     /// # Errors
     ///
     /// ENODEV for a device that is gone; else the driver's.
-    pub(crate) fn read(
-        &self,
-        id: u32,
-        attribute: &str,
-        now_ns: i64,
-        out: &mut Vec<u8>,
-    ) -> Result<(), Errno> {
+    pub(crate) fn read(&self, id: u32, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         let driver = self.driver(id).ok_or(Errno::ENODEV)?;
         let identity = self.node(id).and_then(|node| node.identity.as_ref());
-        match self.faults_of(id).and_then(|faults| faults.reading(attribute, now_ns)) {
+        match self.faults_of(id).and_then(|faults| faults.reading(attribute, self.now_ns)) {
             Some(Reading::Fails(errno)) => return Err(errno),
             Some(Reading::Reads(text)) => {
                 out.extend(text);
@@ -382,7 +380,7 @@ impl Brick {
     /// # Errors
     ///
     /// ENODEV for a device that is gone; else the driver's.
-    pub(crate) fn store(&mut self, id: u32, attribute: &str, bytes: &[u8], now_ns: i64) -> Took {
+    pub(crate) fn store(&mut self, id: u32, attribute: &str, bytes: &[u8]) -> Took {
         let refusal =
             self.faults_of(id).filter(|_| attribute != UEVENT.name).and_then(PortFaults::refusal);
         let node = self.nodes.iter_mut().find(|node| node.id == id).ok_or(Errno::ENODEV)?;
@@ -411,7 +409,11 @@ impl Brick {
         if POWER.iter().any(|spec| spec.name == attribute) {
             return store_power(attribute, bytes).map(|()| None);
         }
-        driver.store(attribute, bytes, &mut Context { now_ns, chance: &mut self.chance })
+        driver.store(
+            attribute,
+            bytes,
+            &mut Context { now_ns: self.now_ns, chance: &mut self.chance },
+        )
     }
 
     /// Changes whenever the pollers of this attribute are woken; `None` for attributes that never

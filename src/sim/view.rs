@@ -239,7 +239,7 @@ impl Simulation {
         let world = state.world()?;
         let robots = state.bricks.iter().enumerate().filter_map(|(robot, brick)| {
             let truth = world.truth(robot)?;
-            let devices = brick.device_views(state.now_ns);
+            let devices = brick.device_views();
             let (from, axis_rad, half_rad) = world.sight(robot)?;
             let beam = |echo_m| Beam {
                 from,

@@ -11,22 +11,17 @@ impl Brick {
     /// # Errors
     ///
     /// EINVAL for a motor in an input port and the reverse.
-    pub(crate) fn plug(
-        &mut self,
-        port: Port,
-        plugged: Option<Plugged>,
-        now_ns: i64,
-    ) -> Result<(), Errno> {
-        self.ports[port.index()].plug(plugged, now_ns)
+    pub(crate) fn plug(&mut self, port: Port, plugged: Option<Plugged>) -> Result<(), Errno> {
+        self.ports[port.index()].plug(plugged, self.now_ns)
     }
 
     /// Adds an output of a servo controller; returns its name.
-    pub(crate) fn add_servo(&mut self, address: &str, has_rate: bool, now_ns: i64) -> String {
+    pub(crate) fn add_servo(&mut self, address: &str, has_rate: bool) -> String {
         let name = format!("motor{}", next(&mut self.counters.servo));
         let servo = Device::Servo(ServoMotor::new(has_rate));
         let identity = Identity { driver_name: "servo-motor", address: address.to_owned() };
         let node = Node::built_in(Class::ServoMotor, name.clone(), servo);
-        self.register(Node { registered_ns: now_ns, identity: Some(identity), ..node });
+        self.register(Node { registered_ns: self.now_ns, identity: Some(identity), ..node });
         name
     }
 

@@ -17,21 +17,20 @@ impl Brick {
         port: Port,
         fault: &DeviceFault,
         until_ns: Option<i64>,
-        now_ns: i64,
     ) -> Result<(), FaultError> {
         fault.fit(port, self.ports[port.index()].home)?;
         match fault {
             DeviceFault::Plug => {
-                self.put_back(port, now_ns);
+                self.put_back(port);
                 self.faults[port.index()].remove(&DeviceFault::Unplug);
                 return Ok(());
             }
             DeviceFault::Write { attribute, value } => {
                 return self
-                    .write_as_another(port, attribute, value, now_ns)
+                    .write_as_another(port, attribute, value)
                     .map_err(|source| FaultError::Refused { port, fault: fault.clone(), source });
             }
-            DeviceFault::Unplug => self.ports[port.index()].pull(now_ns),
+            DeviceFault::Unplug => self.ports[port.index()].pull(self.now_ns),
             _ => {}
         }
         self.faults[port.index()].add(fault.clone(), until_ns);
@@ -44,13 +43,13 @@ impl Brick {
     }
 
     /// Takes one fault whose end has come from a port; what it was is for the caller to undo.
-    pub(crate) fn take_ended(&mut self, port: Port, now_ns: i64) -> Option<DeviceFault> {
-        self.faults[port.index()].take_ended(now_ns)
+    pub(crate) fn take_ended(&mut self, port: Port) -> Option<DeviceFault> {
+        self.faults[port.index()].take_ended(self.now_ns)
     }
 
     /// Puts what belongs into a port into it, if it is empty.
-    pub(crate) fn put_back(&mut self, port: Port, now_ns: i64) {
-        self.ports[port.index()].put_back(now_ns);
+    pub(crate) fn put_back(&mut self, port: Port) {
+        self.ports[port.index()].put_back(self.now_ns);
     }
 
     /// What is wrong with the ports now.
@@ -70,19 +69,13 @@ impl Brick {
         }
     }
 
-    fn write_as_another(
-        &mut self,
-        port: Port,
-        attribute: &str,
-        value: &str,
-        now_ns: i64,
-    ) -> Result<(), Errno> {
+    fn write_as_another(&mut self, port: Port, attribute: &str, value: &str) -> Result<(), Errno> {
         let id = self.ports[port.index()].device.ok_or(Errno::ENODEV)?;
         let spec = self.attribute(id, attribute).ok_or(Errno::ENOENT)?;
         if spec.direction == Direction::Readable {
             return Err(Errno::EACCES);
         }
         // The program that waits for the end of the write is another one.
-        self.store(id, spec.name, value.as_bytes(), now_ns).map(|_| ())
+        self.store(id, spec.name, value.as_bytes()).map(|_| ())
     }
 }

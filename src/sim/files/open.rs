@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use nix::errno::Errno;
 
-use super::LOOK_NS;
 use super::told::{self, Tells};
+use super::{LOOK_NS, SimBrick};
 use crate::clock::span_ns;
 use crate::ev3dev::{Access, AttributeFile, AttributeSpec, Button, Direction, Legal};
 use crate::sim::brick::{Brick, MOST_STORED};
@@ -92,21 +92,20 @@ impl Waiting {
     }
 }
 
-impl SimFile {
+impl SimBrick {
     /// Opens a file by its path; a stream at its end.
     ///
     /// # Errors
     ///
     /// ENOENT, EISDIR; EACCES for the wrong direction, and for writers while the device is new.
-    pub(crate) fn open(
-        simulation: &Simulation,
-        robot: usize,
+    pub(crate) fn open_file(
+        &self,
         path: &str,
         access: Access,
         layout: EventLayout,
-    ) -> Result<Self, Errno> {
-        let state = simulation.state();
-        let brick = state.bricks.get(robot).ok_or(Errno::ENOENT)?;
+    ) -> Result<SimFile, Errno> {
+        let state = self.simulation.state();
+        let brick = state.bricks.get(self.robot).ok_or(Errno::ENOENT)?;
         let platform = brick.board.platform;
         let stream = |device| {
             let next = Cell::new(events(brick, device).total);
@@ -124,12 +123,14 @@ impl SimFile {
             }
             Kind::Told(tells)
         } else {
-            attribute(brick, path, access, state.now_ns)?
+            attribute(brick, path, access)?
         };
         drop(state);
-        Ok(Self { simulation: simulation.clone(), robot, access, kind })
+        Ok(SimFile { simulation: self.simulation.clone(), robot: self.robot, access, kind })
     }
+}
 
+impl SimFile {
     /// The buttons that are down.
     pub(crate) fn pressed(&self) -> Vec<Button> {
         let state = self.simulation.state();
@@ -171,7 +172,7 @@ impl SimFile {
         let brick = state.bricks.get(self.robot).ok_or(Errno::ENODEV)?;
         match &self.kind {
             Kind::Attribute { id, spec, seen, .. } => {
-                brick.read(*id, spec.name, state.now_ns, bytes)?;
+                brick.read(*id, spec.name, bytes)?;
                 seen.set(Some(brick.notices(*id, spec.name)));
             }
             Kind::Events { device, layout, next } => {
@@ -195,7 +196,6 @@ impl SimFile {
             return Err(Errno::EBADF);
         }
         let mut state = self.simulation.state();
-        let now_ns = state.now_ns;
         let brick = state.bricks.get_mut(self.robot).ok_or(Errno::ENODEV)?;
         match &self.kind {
             Kind::Attribute { id, spec, path, .. } => {
@@ -218,7 +218,7 @@ impl SimFile {
                 Ok(Write::Done(value.len() / layout.length() * layout.length()))
             }
             Kind::Events { device: Device::Speaker, layout, .. } => {
-                let answer = brick.speaker.write(value, *layout, now_ns);
+                let answer = brick.speaker.write(value, *layout, brick.now_ns);
                 let path = brick.board.platform.speaker.unwrap_or_default();
                 state.note(self.robot, path, value, answer);
                 answer.map(Write::Done)
@@ -275,7 +275,7 @@ impl SimFile {
 }
 
 /// An attribute by its path below `sys/class` or `sys/devices`.
-fn attribute(brick: &Brick, path: &str, access: Access, now_ns: i64) -> Result<Kind, Errno> {
+fn attribute(brick: &Brick, path: &str, access: Access) -> Result<Kind, Errno> {
     let (id, attribute) = match brick.locate(path) {
         Some(found) => found,
         None => return Err(brick.list(path).map_or(Errno::ENOENT, |_| Errno::EISDIR)),
@@ -287,7 +287,7 @@ fn attribute(brick: &Brick, path: &str, access: Access, now_ns: i64) -> Result<K
     let reads = access != Access::Write;
     let writes = access != Access::Read;
     if (reads && spec.direction == Direction::Writeable)
-        || (writes && (spec.direction == Direction::Readable || brick.is_denied(id, now_ns)))
+        || (writes && (spec.direction == Direction::Readable || brick.is_denied(id)))
     {
         return Err(Errno::EACCES);
     }

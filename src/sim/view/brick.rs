@@ -16,22 +16,22 @@ const INFRARED_M: f64 = 0.007;
 
 impl Brick {
     /// The devices on the ports, in the order of the ports.
-    pub(crate) fn device_views(&self, now_ns: i64) -> Vec<DeviceView> {
+    pub(crate) fn device_views(&self) -> Vec<DeviceView> {
         let mut views: Vec<DeviceView> = [Class::Sensor, Class::TachoMotor, Class::DcMotor]
             .into_iter()
             .flat_map(|class| {
-                self.names(class).filter_map(move |name| self.device_view(class, name, now_ns))
+                self.names(class).filter_map(move |name| self.device_view(class, name))
             })
             .collect();
         views.sort_by_key(|view| view.port);
         views
     }
 
-    fn device_view(&self, class: Class, name: &str, now_ns: i64) -> Option<DeviceView> {
+    fn device_view(&self, class: Class, name: &str) -> Option<DeviceView> {
         let id = self.find(class.as_str(), name)?;
         let read = |attribute: &str| {
             let mut text = Vec::new();
-            match self.read(id, attribute, now_ns, &mut text) {
+            match self.read(id, attribute, &mut text) {
                 Ok(()) => shown(&text),
                 Err(errno) => format!("{errno:?}"),
             }
