@@ -258,19 +258,17 @@ impl Brick {
                 (Class::Sensor, name, bus_driver, driver_name, Device::Sensor(Box::new(sensor)))
             }
         };
+        let bus_name = format!("{address}:{driver_name}");
         let identity = Identity { driver_name, address };
-        let (bus_name, bound) = (
-            format!("{}:{driver_name}", identity.address),
-            Device::Bus(BusDevice { driver: bus_driver, identity: identity.clone() }),
-        );
-        let on_port = |class, name, identity, device| {
+        let bound = BusDevice { driver: bus_driver, identity: identity.clone() };
+        let on_port = |class, name, device| {
             let node = Node::built_in(class, name, device);
-            Node { registered_ns: now_ns, port: Some(port), identity, ..node }
+            Node { registered_ns: now_ns, port: Some(port), ..node }
         };
         // A lamp is an LED as any other to programs.
         let identity = Some(identity).filter(|_| class != Class::Leds);
-        let id = self.register(on_port(class, name, identity, device));
-        self.register(on_port(Class::LegoBus, bus_name, None, bound));
+        let id = self.register(Node { identity, ..on_port(class, name, device) });
+        self.register(on_port(Class::LegoBus, bus_name, Device::Bus(bound)));
         self.ports[port.index()].device = Some(id);
     }
 

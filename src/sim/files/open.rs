@@ -133,8 +133,7 @@ impl SimBrick {
 impl SimFile {
     /// The buttons that are down.
     pub(crate) fn pressed(&self) -> Vec<Button> {
-        let state = self.simulation.state();
-        state.bricks.get(self.robot).map_or_else(Vec::new, |brick| brick.buttons.pressed.clone())
+        self.simulation.pressed(self.robot)
     }
 
     /// What one read gets, at most `room` bytes from an offset. A text is made when its beginning
