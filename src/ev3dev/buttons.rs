@@ -11,6 +11,7 @@
 
 use std::sync::Arc;
 
+use arrayvec::ArrayVec;
 use evdev::raw_stream::RawDevice;
 use evdev::{AttributeSet, EventType, KeyCode, SynchronizationCode};
 use nix::errno::Errno;
@@ -128,11 +129,7 @@ enum Source {
 }
 
 /// The beginning of an event whose end has not come yet.
-#[derive(Debug, Default)]
-struct Rest {
-    bytes: [u8; EVENT_SIZE],
-    length: usize,
-}
+type Rest = ArrayVec<u8, EVENT_SIZE>;
 
 /// Events that one look takes at most, as `evdev` does.
 const EVENTS_PER_READ: usize = 32;
@@ -253,15 +250,11 @@ fn read_stream(
     changes: &mut ButtonChanges,
 ) -> Result<bool, Errno> {
     let mut buffer = [0; EVENT_SIZE * EVENTS_PER_READ];
-    let (before, free) = buffer.split_at_mut(rest.length);
-    before.copy_from_slice(rest.bytes.get(..rest.length).unwrap_or_default());
-    let length = rest.length + stream.read(free)?;
+    let (before, free) = buffer.split_at_mut(rest.len());
+    before.copy_from_slice(rest);
+    let length = rest.len() + stream.read(free)?;
     let events = buffer.get(..length).unwrap_or_default().chunks_exact(EVENT_SIZE);
-    *rest = Rest::default();
-    for (place, byte) in rest.bytes.iter_mut().zip(events.remainder()) {
-        *place = *byte;
-        rest.length += 1;
-    }
+    *rest = events.remainder().iter().copied().collect();
     Ok(take(events.filter_map(Event::parse), held, changes))
 }
 
