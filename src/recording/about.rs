@@ -177,10 +177,8 @@ pub(super) fn of_start(info: &Info) -> Metadata {
         put(&format!("set.{name}"), value.to_string());
     }
     for quantity in &QUANTITIES {
-        let name = serde_json::to_value(quantity.channel)
-            .ok()
-            .and_then(|name| Some(name.as_str()?.to_owned()));
-        let said = format!("{}, {}", name.unwrap_or_default(), quantity.unit.symbol());
+        let name = serde_json::to_value(quantity.channel).unwrap_or_default();
+        let said = format!("{}, {}", name.as_str().unwrap_or_default(), quantity.unit.symbol());
         put(&format!("channel.{}", quantity.channel as u8), said);
     }
     Metadata { name: names::ABOUT.to_owned(), metadata: values }
