@@ -50,7 +50,7 @@ use trouble::Troubles;
 pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::{BindError, PLUG_AGAIN, PLUG_IN};
 pub use config::{
-    HeadRole, MotorRole, NamedMotor, NamedSensor, RobotConfig, StopButton, WantedMotor,
+    DriveBase, HeadRole, MotorRole, NamedMotor, NamedSensor, RobotConfig, StopButton, WantedMotor,
 };
 pub(crate) use config::{is_name, is_own_name};
 pub use halt::{HaltError, Halted, brake_all, halt, still, watch_still};

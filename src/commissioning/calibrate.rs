@@ -263,7 +263,7 @@ pub fn calibrate(
     prepare(&mut robot, clock, flags, false, |why| dialogue.say(why))?;
     let mut stage = Stage::new(robot, tree, clock, flags, dialogue);
     let mut calibration = Calibration::default();
-    let mut circumference_m = config.wheel_circumference_m;
+    let mut circumference_m = config.drive.wheel_circumference_m;
     let straight =
         options.straight.map(|how| how_straight(tree, config, stage.dialogue, how)).transpose()?;
     if let Some(straight) = straight {

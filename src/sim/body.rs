@@ -15,8 +15,6 @@
 //! - The centre of mass is at the middle of the axle, the caster only drags.
 //! - A body moves less than [`MARGIN_M`] in a step: 5 m/s.
 
-use std::f64::consts::PI;
-
 use super::motor::{Motor, MotorConstants, toward_zero};
 use super::world::geometry::{Point, Segment, Surfaces, direction, perpendicular, sides};
 use super::world::robot::RobotModel;
@@ -461,9 +459,4 @@ fn apply(contact: &Contact, bodies: &mut [Body], impulse: Point) {
     if let Some(other) = contact.other {
         bodies[other].push(-impulse, contact.other_lever);
     }
-}
-
-/// Metres of ground for a radian of a wheel.
-pub(in crate::sim) fn metres_per_radian(circumference_m: f64) -> f64 {
-    circumference_m / (2.0 * PI)
 }

@@ -20,7 +20,7 @@ use std::f64::consts::PI;
 use std::sync::{Arc, Mutex};
 
 pub use self::truth::{Observer, Truth};
-use super::body::{Body, Outline, Solver, Wheel, metres_per_radian};
+use super::body::{Body, Outline, Solver, Wheel};
 use super::chance::Chance;
 use super::motor::Motor;
 use super::physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
@@ -317,7 +317,7 @@ impl Rig {
             errors.gyro_scale + errors.gyro_scale_sd * build.normal(),
             errors.gyro_drift_dps,
         );
-        let nominal = metres_per_radian(model.wheel_circumference_m);
+        let nominal = model.wheel_circumference_m / (2.0 * PI);
         let wheel = |error: f64, inverted: bool, chance: &mut Chance| {
             let size = nominal * (1.0 + error + errors.wheel_sd * chance.normal()).max(0.1);
             if inverted { -size } else { size }

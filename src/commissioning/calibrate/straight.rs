@@ -48,7 +48,7 @@ pub(super) fn by_wall(
         "Put the robot half a metre before a plain wall, square to it, its head straight ahead, \
          with a metre of floor behind it. It will drive back and forth. Is it ready?",
     )?;
-    let before_m = stage.config().wheel_circumference_m;
+    let before_m = stage.config().drive.wheel_circumference_m;
     // What the sensor says for a metre, by the file.
     let scale = stage.config().range.as_ref().map_or(1.0, |range| range.scale);
     to_the_wall(stage)?;
@@ -120,7 +120,7 @@ fn forward(way: f64) -> Drive {
 fn limit(stage: &Stage<'_>, length_m: f64) -> Limit {
     let metres_per_rad = stage.config().metres_per_rad();
     // A low limit of max_dps makes it slower than asked.
-    let speed_m_s = SPEED_M_S.min(stage.config().max_wheel_rad_s * metres_per_rad);
+    let speed_m_s = SPEED_M_S.min(stage.config().drive.max_wheel_rad_s * metres_per_rad);
     Limit {
         wheel_rad: (length_m + 0.05) * SLACK / metres_per_rad,
         time_s: 2.0 + (length_m + 0.05) * 2.0 * SLACK / speed_m_s,
@@ -176,7 +176,7 @@ pub(super) fn by_metre(
         "The robot will drive about a metre, ahead and back, several times; have a measuring tape \
          at hand. Does it have a metre and a half of floor ahead?",
     )?;
-    let before_m = stage.config().wheel_circumference_m;
+    let before_m = stage.config().drive.wheel_circumference_m;
     let (mut ahead, mut back) = (Vec::new(), Vec::new());
     for _ in 0..pairs.unwrap_or(2) {
         ahead.push(metre(stage, 1.0)?);

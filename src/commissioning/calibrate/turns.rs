@@ -52,7 +52,7 @@ pub(super) fn track_width(
     options: &CalibrateOptions,
     circumference_m: f64,
 ) -> Result<(Measured, Option<f64>), CalibrateError> {
-    let before_m = stage.config().track_width_m;
+    let before_m = stage.config().drive.track_width_m;
     if !stage.has_gyro() {
         if options.mark == Some(false) {
             return Err(CalibrateError::NoGyro);
@@ -161,7 +161,8 @@ fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<(Spin, WholeTurns), C
     let spin = Spin { from, to, way };
     if ended == Ended::Limit {
         let config = stage.config();
-        let wheels_rad = width_m(&spin, config.wheel_circumference_m, config.track_width_m);
+        let wheels_rad =
+            width_m(&spin, config.drive.wheel_circumference_m, config.drive.track_width_m);
         return Err(CalibrateError::TooFar(format!(
             "the wheels say {:.0} degrees, the gyro {:.0}: are the wheels on the floor, is the \
              gyro fixed to the robot, flat, and its port right in robot.toml?",
@@ -227,7 +228,7 @@ pub(super) fn turn(
 ) -> Result<Ended, CalibrateError> {
     let from = stage.rest()?;
     let (track_m, circumference_m) =
-        (stage.config().track_width_m, stage.config().wheel_circumference_m);
+        (stage.config().drive.track_width_m, stage.config().drive.wheel_circumference_m);
     let limit = limit(stage, angle_rad, turn_rad_s.abs());
     stage.drive(spinning(turn_rad_s), limit, |now, _| {
         (circumference_m * from.apart_rad(now) / (2.0 * PI * track_m)).abs() >= angle_rad
@@ -240,9 +241,9 @@ fn spinning(turn_rad_s: f64) -> Drive {
 
 fn limit(stage: &Stage<'_>, angle_rad: f64, speed_rad_s: f64) -> Limit {
     let config = stage.config();
-    let wheel_rad_per_rad = PI * config.track_width_m / config.wheel_circumference_m;
+    let wheel_rad_per_rad = PI * config.drive.track_width_m / config.drive.wheel_circumference_m;
     // A low limit of max_dps makes it slower than asked.
-    let speed_rad_s = speed_rad_s.min(config.max_wheel_rad_s / wheel_rad_per_rad);
+    let speed_rad_s = speed_rad_s.min(config.drive.max_wheel_rad_s / wheel_rad_per_rad);
     let angle_rad = angle_rad * SLACK + radians(5.0);
     Limit { wheel_rad: angle_rad * wheel_rad_per_rad, time_s: 2.0 + 2.0 * angle_rad / speed_rad_s }
 }
