@@ -128,20 +128,17 @@ impl Brick {
             _ => None,
         };
         match (rest, bus_driver) {
-            ("subsystem", Some(_)) => return Ok(format!("{up}bus/lego")),
-            ("driver", Some(driver)) => return Ok(format!("{up}bus/lego/drivers/{driver}")),
-            (_, Some(_)) => return Err(Errno::EINVAL),
-            _ => {}
-        }
-        match rest {
-            "" if path.starts_with("sys/class/") => Ok(format!("../../{folder}")),
-            "subsystem" => Ok(format!(
-                "{}class/{}",
-                "../".repeat(folder.split('/').count()),
-                node.class.as_str()
-            )),
+            ("subsystem", Some(_)) => Ok(format!("{up}bus/lego")),
+            ("driver", Some(driver)) => Ok(format!("{up}bus/lego/drivers/{driver}")),
+            ("", None) if path.starts_with("sys/class/") => Ok(format!("../../{folder}")),
+            ("subsystem", None) => {
+                let class = node.class.as_str();
+                Ok(format!("{}class/{class}", "../".repeat(folder.split('/').count())))
+            }
             // Above are the class's folder, and the device that it belongs to.
-            "device" => Ok(format!("../../../{}", folder.rsplit('/').nth(2).unwrap_or_default())),
+            ("device", None) => {
+                Ok(format!("../../../{}", folder.rsplit('/').nth(2).unwrap_or_default()))
+            }
             _ => Err(Errno::EINVAL),
         }
     }
