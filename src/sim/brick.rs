@@ -70,8 +70,8 @@ pub(crate) struct Node {
 }
 
 impl Node {
-    /// What is built in, and was there from the start.
-    fn built_in(class: Class, name: String, device: Device) -> Self {
+    /// A device on no port, that was there from the start.
+    fn new(class: Class, name: String, device: Device) -> Self {
         Self { id: 0, class, name, registered_ns: 0, port: None, identity: None, device }
     }
 }
@@ -141,24 +141,24 @@ impl Brick {
         for port in Port::ALL {
             let name = format!("port{}", port.index());
             let identity = Some(self.ports[port.index()].identity());
-            let node = Node::built_in(Class::Port, name, Device::Port(port));
+            let node = Node::new(Class::Port, name, Device::Port(port));
             self.register(Node { identity, ..node });
         }
         for lamp in platform.lights.into_iter().flatten() {
             let is_on = matches!(lamp.hue, Hue::Green | Hue::Only);
             let brightness = if is_on { board.brightest } else { 0 };
             let led = Device::Led(Led::new(brightness, board.brightest));
-            self.register(Node::built_in(Class::Leds, lamp.led.to_owned(), led));
+            self.register(Node::new(Class::Leds, lamp.led.to_owned(), led));
         }
         if platform.screen.is_ok() {
             let lcd = Device::Lcd(Lcd::new(self.options.lcd));
-            self.register(Node::built_in(Class::Graphics, "fb0".to_owned(), lcd));
+            self.register(Node::new(Class::Graphics, "fb0".to_owned(), lcd));
         }
         let battery = Device::Battery(Battery::new(self.options.cells, board));
-        self.register(Node::built_in(Class::PowerSupply, platform.battery.to_owned(), battery));
+        self.register(Node::new(Class::PowerSupply, platform.battery.to_owned(), battery));
         for (number, says) in board.boards.iter().enumerate() {
             let described = Device::Board(BoardInfo::new(self.robot, says));
-            self.register(Node::built_in(Class::BoardInfo, format!("board{number}"), described));
+            self.register(Node::new(Class::BoardInfo, format!("board{number}"), described));
         }
     }
 
@@ -262,7 +262,7 @@ impl Brick {
         let identity = Identity { driver_name, address };
         let bound = BusDevice { driver: bus_driver, identity: identity.clone() };
         let on_port = |class, name, device| {
-            let node = Node::built_in(class, name, device);
+            let node = Node::new(class, name, device);
             Node { registered_ns: now_ns, port: Some(port), ..node }
         };
         // A lamp is an LED as any other to programs.

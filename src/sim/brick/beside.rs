@@ -20,7 +20,7 @@ impl Brick {
         let name = format!("motor{}", next(&mut self.counters.servo));
         let servo = Device::Servo(ServoMotor::new(has_rate));
         let identity = Identity { driver_name: "servo-motor", address: address.to_owned() };
-        let node = Node::built_in(Class::ServoMotor, name.clone(), servo);
+        let node = Node::new(Class::ServoMotor, name.clone(), servo);
         self.register(Node { registered_ns: self.now_ns, identity: Some(identity), ..node });
         name
     }
