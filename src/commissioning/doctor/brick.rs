@@ -61,18 +61,19 @@ pub(super) fn battery(examination: &mut Examination<'_>, report: &mut Report<'_>
         let cells = battery.technology().unwrap_or_default();
         Ok((volts, config.on(cells, examination.platform).limits()))
     });
-    match read {
-        Ok((volts, BatteryLimits { slow_v, .. })) if !(slow_v..=most_v).contains(&volts) => report
-            .fail(
-                format!("{volts:.2} V"),
-                &format!("charge it, or put in fresh cells; a run needs at least {slow_v:.1} V"),
-            ),
-        Ok((volts, BatteryLimits { warn_v, .. })) if volts < warn_v => {
-            report
-                .warn(format!("{volts:.2} V is low"), "charge it soon, or have fresh cells ready");
+    let (volts, BatteryLimits { warn_v, slow_v, .. }) = match read {
+        Ok(read) => read,
+        Err(error) => {
+            return report.warn(with_causes(&error), "a run goes without, and cannot warn of it");
         }
-        Ok((volts, _)) => report.ok(format!("{volts:.2} V")),
-        Err(error) => report.warn(with_causes(&error), "a run goes without, and cannot warn of it"),
+    };
+    if !(slow_v..=most_v).contains(&volts) {
+        let to_do = format!("charge it, or put in fresh cells; a run needs at least {slow_v:.1} V");
+        report.fail(format!("{volts:.2} V"), &to_do);
+    } else if volts < warn_v {
+        report.warn(format!("{volts:.2} V is low"), "charge it soon, or have fresh cells ready");
+    } else {
+        report.ok(format!("{volts:.2} V"));
     }
 }
 
