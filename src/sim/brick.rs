@@ -42,7 +42,7 @@ pub(crate) const MOST_STORED: usize = 4096;
 static UEVENT: AttributeSpec = readwriteable("uevent");
 
 #[derive(Debug)]
-pub(crate) enum Device {
+enum Device {
     Tacho(Box<TachoMotor>),
     Dc(DcMotor),
     Servo(ServoMotor),
