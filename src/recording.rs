@@ -118,7 +118,7 @@ mod topic;
 mod walk;
 mod walls;
 
-pub use about::{End, Ending, Info, MachineNames, Pace, RangeSensor, Start, StateNames};
+pub use about::{End, Ending, Info, MachineNames, Pace, Start, StateNames};
 pub use followed::Followed;
 pub use grid::Grid;
 pub use growing::{Growing, Piece};

@@ -50,7 +50,7 @@ use trouble::Troubles;
 pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::{BindError, PLUG_AGAIN, PLUG_IN};
 pub use config::{
-    HeadRole, MotorRole, NamedMotor, NamedSensor, RobotConfig, StopButton, WantedMotor,
+    DriveBase, HeadRole, MotorRole, NamedMotor, NamedSensor, RobotConfig, StopButton, WantedMotor,
 };
 pub(crate) use config::{is_name, is_own_name};
 pub use halt::{HaltError, Halted, brake_all, halt, still, watch_still};
@@ -107,15 +107,9 @@ pub struct Robot {
 }
 
 /// The channels of motors.
-const MOTORS: [Channel; 7] = [
-    Channel::Left,
-    Channel::Right,
-    Channel::Head,
-    Channel::Motor0,
-    Channel::Motor1,
-    Channel::Motor2,
-    Channel::Motor3,
-];
+fn motors() -> impl Iterator<Item = Channel> {
+    Channel::WHEELS.into_iter().chain([Channel::Head]).chain(Channel::MOTORS)
+}
 
 impl Robot {
     /// The robot as its file describes it.
@@ -194,7 +188,7 @@ impl Robot {
             let old = self.put_back(mended, senses);
             self.mender.give_back(old);
         }
-        for channel in MOTORS {
+        for channel in motors() {
             let Some(motor) = self.motor_mut(channel) else { continue };
             let read = motor.angle_rad().map(|angle_rad| senses.set(channel, angle_rad));
             self.note(channel, read, senses.time_ns);
@@ -236,7 +230,7 @@ impl Robot {
     /// As [`Robot::outside`], after a close look at everything: for a tick in which something else
     /// went wrong with a motor, which may be another program's doing.
     pub fn look_closely(&mut self, now_ns: i64) -> Option<Channel> {
-        for channel in MOTORS {
+        for channel in motors() {
             let taken = self.motor_mut(channel).is_some_and(|motor| motor.look_closely(now_ns));
             self.outside = self.outside.or(taken.then_some(channel));
         }
@@ -368,7 +362,7 @@ impl Robot {
     /// Stops every motor now; true if each of them took the command.
     pub fn stop(&mut self, action: StopAction) -> bool {
         let mut stopped = true;
-        for channel in MOTORS {
+        for channel in motors() {
             let Some(done) = self.motor_mut(channel).map(|motor| motor.stop(action)) else {
                 continue;
             };

@@ -32,7 +32,6 @@ mod world;
 mod world_physics;
 
 pub use crate::ev3dev::Button;
-pub use driver::board::Pack;
 pub use driver::input::EventLayout;
 pub use driver::lcd::{BadGeometry, LcdGeometry};
 pub use driver::sensor::GyroMake;

@@ -40,13 +40,13 @@ fn body(robot: &RobotConfig) -> String {
             .map_or_else(|| port.short().to_owned(), |port| port.as_str().to_owned())
     };
     let wheel = |motor: &MotorRole| motor.port.as_ref().map(name);
-    let [left, right] = [&robot.left, &robot.right];
+    let [left, right] = [&robot.drive.left, &robot.drive.right];
     let mut text = format!(
         "\n# Built like the robot `{}`.\n[robot]\nwheel_circumference_m = {:?}\n\
          track_width_m = {:?}\nleft_inverted = {}\nright_inverted = {}\n",
         robot.name,
-        robot.wheel_circumference_m * left.ratio.abs(),
-        robot.track_width_m,
+        robot.drive.wheel_circumference_m * left.ratio.abs(),
+        robot.drive.track_width_m,
         left.ratio < 0.0,
         right.ratio < 0.0,
     );

@@ -261,28 +261,25 @@ pub fn calibrate(
     dialogue.say("Getting ready: leave the robot still.");
     clock.sleep_ns(robot.settle_ns());
     prepare(&mut robot, clock, flags, false, |why| dialogue.say(why))?;
-    let mut stage = Stage::new(robot, tree, clock, flags);
+    let mut stage = Stage::new(robot, tree, clock, flags, dialogue);
     let mut calibration = Calibration::default();
-    let mut circumference_m = config.wheel_circumference_m;
+    let mut circumference_m = config.drive.wheel_circumference_m;
     let straight =
-        options.straight.map(|how| how_straight(tree, config, dialogue, how)).transpose()?;
+        options.straight.map(|how| how_straight(tree, config, stage.dialogue, how)).transpose()?;
     if let Some(straight) = straight {
         let measured = match straight {
-            Straight::Wall => straight::by_wall(&mut stage, dialogue, options.pairs)?,
-            Straight::Ask | Straight::Metre => {
-                straight::by_metre(&mut stage, dialogue, options.pairs)?
-            }
+            Straight::Wall => straight::by_wall(&mut stage, options.pairs)?,
+            Straight::Ask | Straight::Metre => straight::by_metre(&mut stage, options.pairs)?,
         };
         if measured.doubt.is_none() {
             circumference_m = measured.after;
         }
-        tell(dialogue, "wheel circumference", &measured);
+        tell(stage.dialogue, "wheel circumference", &measured);
         calibration.wheel_circumference_m = Some(measured);
     }
     if options.track {
-        let (measured, gyro_scale) =
-            turns::track_width(&mut stage, dialogue, options, circumference_m)?;
-        tell(dialogue, "track width", &measured);
+        let (measured, gyro_scale) = turns::track_width(&mut stage, options, circumference_m)?;
+        tell(stage.dialogue, "track width", &measured);
         calibration.track_width_m = Some(measured);
         calibration.gyro_scale = gyro_scale;
     }
@@ -292,14 +289,14 @@ pub fn calibrate(
                 "bias and scale are those of an ultrasonic sensor in the role [range]".to_owned(),
             ));
         }
-        let [bias, scale] = range::bias_and_scale(&mut stage, dialogue, options.pairs)?;
-        tell(dialogue, "range bias", &bias);
-        tell(dialogue, "range scale", &scale);
+        let [bias, scale] = range::bias_and_scale(&mut stage, options.pairs)?;
+        tell(stage.dialogue, "range bias", &bias);
+        tell(stage.dialogue, "range scale", &scale);
         calibration.range_bias_m = Some(bias);
         calibration.range_scale = Some(scale);
     }
     if options.own_echoes {
-        calibration.own_echoes = Some(range::own_echoes(&mut stage, dialogue)?);
+        calibration.own_echoes = Some(range::own_echoes(&mut stage)?);
     }
     Ok(calibration)
 }

@@ -108,28 +108,35 @@ impl Diagnosis {
     pub fn count(&self, verdict: Verdict) -> usize {
         self.checks.iter().filter(|checked| checked.verdict == verdict).count()
     }
+}
 
-    fn add(
-        &mut self,
-        check: &str,
-        verdict: Verdict,
-        found: impl Into<String>,
-        to_do: Option<&str>,
-    ) {
-        let (check, to_do) = (check.to_owned(), to_do.map(str::to_owned));
-        self.checks.push(Checked { check, verdict, found: found.into(), to_do });
+/// The lines of one check.
+struct Report<'d> {
+    check: &'d str,
+    diagnosis: &'d mut Diagnosis,
+}
+
+impl Report<'_> {
+    /// The lines of another check.
+    fn of<'d>(&'d mut self, check: &'d str) -> Report<'d> {
+        Report { check, diagnosis: self.diagnosis }
     }
 
-    fn ok(&mut self, check: &str, found: impl Into<String>) {
-        self.add(check, Verdict::Ok, found, None);
+    fn add(&mut self, verdict: Verdict, found: impl Into<String>, to_do: Option<&str>) {
+        let (check, to_do) = (self.check.to_owned(), to_do.map(str::to_owned));
+        self.diagnosis.checks.push(Checked { check, verdict, found: found.into(), to_do });
     }
 
-    fn warn(&mut self, check: &str, found: impl Into<String>, to_do: &str) {
-        self.add(check, Verdict::Warning, found, Some(to_do));
+    fn ok(&mut self, found: impl Into<String>) {
+        self.add(Verdict::Ok, found, None);
     }
 
-    fn fail(&mut self, check: &str, found: impl Into<String>, to_do: &str) {
-        self.add(check, Verdict::Failed, found, Some(to_do));
+    fn warn(&mut self, found: impl Into<String>, to_do: &str) {
+        self.add(Verdict::Warning, found, Some(to_do));
+    }
+
+    fn fail(&mut self, found: impl Into<String>, to_do: &str) {
+        self.add(Verdict::Failed, found, Some(to_do));
     }
 }
 
@@ -146,7 +153,7 @@ struct Examination<'p> {
     _lock: Option<HardwareLock>,
 }
 
-type Check = fn(&mut Examination<'_>, &mut Diagnosis);
+type Check = fn(&mut Examination<'_>, &mut Report<'_>);
 
 /// What a check looks at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -157,23 +164,23 @@ enum Of {
     Machine,
 }
 
-/// The order is that in which a person puts things right: the file, the brick, the devices, then
-/// what a run needs besides.
-const CHECKS: &[(Of, Check)] = &[
-    (Of::Machine, roles::file),
-    (Of::Machine, brick::tree),
-    (Of::Brick, brick::lock),
-    (Of::Brick, machine::groups),
-    (Of::Brick, roles::motors),
-    (Of::Brick, roles::sensors),
-    (Of::Brick, brick::battery),
-    (Of::Brick, brick::buttons),
-    (Of::Brick, brick::lights),
-    (Of::Brick, brick::speaker),
-    (Of::Machine, machine::disk),
-    (Of::Machine, machine::clock),
-    (Of::Machine, machine::priority),
-    (Of::Machine, machine::missions),
+/// Each with its name in the report. The order is that in which a person puts things right: the
+/// file, the brick, the devices, then what a run needs besides.
+const CHECKS: &[(Of, &str, Check)] = &[
+    (Of::Machine, "robot.toml", roles::file),
+    (Of::Machine, "brick", brick::tree),
+    (Of::Brick, "lock", brick::lock),
+    (Of::Brick, "groups", machine::groups),
+    (Of::Brick, "motors", roles::motors),
+    (Of::Brick, "sensors", roles::sensors),
+    (Of::Brick, "battery", brick::battery),
+    (Of::Brick, "buttons", brick::buttons),
+    (Of::Brick, "lights", brick::lights),
+    (Of::Brick, "speaker", brick::speaker),
+    (Of::Machine, "disk", machine::disk),
+    (Of::Machine, "clock", machine::clock),
+    (Of::Machine, "priority", machine::priority),
+    (Of::Machine, "missions", machine::missions),
 ];
 
 /// Looks at everything, in about two seconds. Nothing moves.
@@ -188,15 +195,16 @@ pub fn examine(patient: &Patient<'_>) -> Diagnosis {
         _lock: None,
     };
     let mut diagnosis = Diagnosis::default();
-    for (of, check) in CHECKS {
+    for (of, name, check) in CHECKS {
         if *of == Of::Brick && !examination.has_brick {
             continue;
         }
+        let mut report = Report { check: name, diagnosis: &mut diagnosis };
         if patient.flags.is_raised() {
-            diagnosis.fail("doctor", "stopped before the end", "start it again for the rest");
+            report.of("doctor").fail("stopped before the end", "start it again for the rest");
             break;
         }
-        check(&mut examination, &mut diagnosis);
+        check(&mut examination, &mut report);
     }
     diagnosis
 }

@@ -183,8 +183,8 @@ fn measures(dialogue: &mut dyn Dialogue, draft: &mut Draft) -> Result<(), NoAnsw
     if let Some((shipped, config)) = draft.shipped() {
         dialogue
             .say(&format!("Plugged in like this is {}; its measures are proposed.", shipped.what));
-        draft.wheel_circumference_m = config.wheel_circumference_m;
-        draft.track_width_m = config.track_width_m;
+        draft.wheel_circumference_m = config.drive.wheel_circumference_m;
+        draft.track_width_m = config.drive.track_width_m;
         draft.range_ahead_m = config.range.map_or(draft.range_ahead_m, |range| range.ahead_m);
     }
     dialogue.say(

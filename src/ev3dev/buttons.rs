@@ -11,6 +11,7 @@
 
 use std::sync::Arc;
 
+use arrayvec::ArrayVec;
 use evdev::raw_stream::RawDevice;
 use evdev::{AttributeSet, EventType, KeyCode, SynchronizationCode};
 use nix::errno::Errno;
@@ -118,7 +119,14 @@ pub struct ButtonChanges {
 pub struct Buttons {
     node: Node,
     source: Source,
+    seen: Seen,
+}
+
+/// Which buttons are held, and what happened since the look before.
+#[derive(Debug, Default)]
+struct Seen {
     held: ButtonSet,
+    changes: ButtonChanges,
 }
 
 #[derive(Debug)]
@@ -128,11 +136,7 @@ enum Source {
 }
 
 /// The beginning of an event whose end has not come yet.
-#[derive(Debug, Default)]
-struct Rest {
-    bytes: [u8; EVENT_SIZE],
-    length: usize,
-}
+type Rest = ArrayVec<u8, EVENT_SIZE>;
 
 /// Events that one look takes at most, as `evdev` does.
 const EVENTS_PER_READ: usize = 32;
@@ -163,15 +167,15 @@ impl Buttons {
                 rest: Rest::default(),
             },
         };
-        let mut buttons = Self { node, source, held: ButtonSet::default() };
-        buttons.learn_held(&mut ButtonChanges::default())?;
+        let mut buttons = Self { node, source, seen: Seen::default() };
+        buttons.learn_held()?;
         Ok(buttons)
     }
 
     /// The buttons that are held, as of the last look.
     #[must_use]
     pub fn held(&self) -> ButtonSet {
-        self.held
+        self.seen.held
     }
 
     /// Looks what happened since the last time, with one read.
@@ -180,17 +184,15 @@ impl Buttons {
     ///
     /// What reading the node gives; nothing pending is no error.
     pub fn changes(&mut self) -> Result<ButtonChanges, DeviceError> {
-        let mut changes = ButtonChanges::default();
+        self.seen.changes = ButtonChanges::default();
         let dropped = match &mut self.source {
-            Source::Device { device, .. } => read_device(device, &mut self.held, &mut changes),
-            Source::Stream { stream, rest } => {
-                read_stream(stream, rest, &mut self.held, &mut changes)
-            }
+            Source::Device { device, .. } => read_device(device, &mut self.seen),
+            Source::Stream { stream, rest } => read_stream(stream, rest, &mut self.seen),
         };
         if dropped.map_err(|errno| failure(&self.node, io_cause(errno)))? {
-            self.learn_held(&mut changes)?;
+            self.learn_held()?;
         }
-        Ok(changes)
+        Ok(self.seen.changes)
     }
 
     /// The node as an input device of the kernel; `None` if it is none.
@@ -215,24 +217,20 @@ impl Buttons {
     }
 
     /// Asks the kernel which buttons are held: at the start, and when it had to drop events.
-    fn learn_held(&mut self, changes: &mut ButtonChanges) -> Result<(), DeviceError> {
+    fn learn_held(&mut self) -> Result<(), DeviceError> {
         let Source::Device { device, keys } = &mut self.source else { return Ok(()) };
         device
             .update_key_state(keys)
             .map_err(|error| failure(&self.node, io_cause(errno(error))))?;
         for &button in Button::ALL {
-            note(&mut self.held, changes, button, keys.contains(KeyCode::new(button.code())));
+            self.seen.note(button, keys.contains(KeyCode::new(button.code())));
         }
         Ok(())
     }
 }
 
 /// Takes what is pending; true if the kernel had to drop events before.
-fn read_device(
-    device: &mut RawDevice,
-    held: &mut ButtonSet,
-    changes: &mut ButtonChanges,
-) -> Result<bool, Errno> {
+fn read_device(device: &mut RawDevice, seen: &mut Seen) -> Result<bool, Errno> {
     let events = match device.fetch_events().map_err(errno) {
         Ok(events) => events,
         Err(Errno::EAGAIN | Errno::EINTR) => return Ok(false),
@@ -243,52 +241,43 @@ fn read_device(
         code: event.code(),
         value: event.value(),
     });
-    Ok(take(events, held, changes))
+    Ok(seen.take(events))
 }
 
-fn read_stream(
-    stream: &mut Stream,
-    rest: &mut Rest,
-    held: &mut ButtonSet,
-    changes: &mut ButtonChanges,
-) -> Result<bool, Errno> {
+fn read_stream(stream: &mut Stream, rest: &mut Rest, seen: &mut Seen) -> Result<bool, Errno> {
     let mut buffer = [0; EVENT_SIZE * EVENTS_PER_READ];
-    let (before, free) = buffer.split_at_mut(rest.length);
-    before.copy_from_slice(rest.bytes.get(..rest.length).unwrap_or_default());
-    let length = rest.length + stream.read(free)?;
+    let (before, free) = buffer.split_at_mut(rest.len());
+    before.copy_from_slice(rest);
+    let length = rest.len() + stream.read(free)?;
     let events = buffer.get(..length).unwrap_or_default().chunks_exact(EVENT_SIZE);
-    *rest = Rest::default();
-    for (place, byte) in rest.bytes.iter_mut().zip(events.remainder()) {
-        *place = *byte;
-        rest.length += 1;
-    }
-    Ok(take(events.filter_map(Event::parse), held, changes))
+    *rest = events.remainder().iter().copied().collect();
+    Ok(seen.take(events.filter_map(Event::parse)))
 }
 
-fn take(
-    events: impl Iterator<Item = Event>,
-    held: &mut ButtonSet,
-    changes: &mut ButtonChanges,
-) -> bool {
-    let mut dropped = false;
-    for event in events {
-        match (event.kind, Button::from_code(event.code), event.value) {
-            (EventType::KEY, Some(button), 0 | 1) => note(held, changes, button, event.value == 1),
-            (EventType::SYNCHRONIZATION, ..)
-                if event.code == SynchronizationCode::SYN_DROPPED.0 =>
-            {
-                dropped = true;
+impl Seen {
+    /// Takes what happened; true if the kernel had to drop events before.
+    fn take(&mut self, events: impl Iterator<Item = Event>) -> bool {
+        let mut dropped = false;
+        for event in events {
+            match (event.kind, Button::from_code(event.code), event.value) {
+                (EventType::KEY, Some(button), 0 | 1) => self.note(button, event.value == 1),
+                (EventType::SYNCHRONIZATION, ..)
+                    if event.code == SynchronizationCode::SYN_DROPPED.0 =>
+                {
+                    dropped = true;
+                }
+                _ => {}
             }
-            _ => {}
         }
+        dropped
     }
-    dropped
-}
 
-fn note(held: &mut ButtonSet, changes: &mut ButtonChanges, button: Button, is_held: bool) {
-    if held.contains(button) != is_held {
-        held.set(button, is_held);
-        let set = if is_held { &mut changes.pressed } else { &mut changes.released };
-        set.set(button, true);
+    fn note(&mut self, button: Button, is_held: bool) {
+        if self.held.contains(button) != is_held {
+            self.held.set(button, is_held);
+            let ButtonChanges { pressed, released } = &mut self.changes;
+            let set = if is_held { pressed } else { released };
+            set.set(button, true);
+        }
     }
 }

@@ -27,7 +27,7 @@ pub struct Inventory {
 }
 
 /// One device.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Entry {
     /// Its class.
     pub class: &'static str,
@@ -85,8 +85,7 @@ fn entry(tree: &Arc<dyn Tree>, identity: Identity) -> Entry {
         name: identity.name.clone(),
         address: identity.address.as_str().to_owned(),
         driver: identity.driver.to_string(),
-        readings: Vec::new(),
-        problem: None,
+        ..Entry::default()
     };
     let readings = &mut entry.readings;
     let outcome = match identity.class {
@@ -158,14 +157,7 @@ fn battery_entry(battery: Result<Battery, DeviceError>) -> Entry {
     });
     let problem = outcome.err().map(|error| error.to_string());
     let name = "battery".to_owned();
-    Entry {
-        class: "power_supply",
-        name,
-        address: String::new(),
-        driver: String::new(),
-        readings,
-        problem,
-    }
+    Entry { class: "power_supply", name, readings, problem, ..Entry::default() }
 }
 
 /// What a driver may not have: on other boards than the EV3 the PiStorms' motors have no speed, and

@@ -182,13 +182,8 @@ impl StatusLights {
     ///
     /// What writing gives.
     pub fn set(&self, side: Side, colour: LightColour) -> Result<(), DeviceError> {
-        let [left, right] = &self.sides;
-        let lamps = match side {
-            Side::Left => left,
-            Side::Right => right,
-        };
         let (red, green) = colour.mix();
-        for (hue, led) in lamps {
+        for (hue, led) in &self.sides[side as usize] {
             let part = match hue {
                 Hue::Red => red,
                 Hue::Green => green,

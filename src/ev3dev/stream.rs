@@ -42,17 +42,10 @@ impl Event {
 
     /// The event with no time, as it is written: the kernel puts its own.
     pub(crate) fn to_bytes(self) -> [u8; EVENT_SIZE] {
-        let fields = self
-            .kind
-            .0
-            .to_ne_bytes()
-            .into_iter()
-            .chain(self.code.to_ne_bytes())
-            .chain(self.value.to_ne_bytes());
         let mut bytes = [0; EVENT_SIZE];
-        for (place, byte) in bytes.iter_mut().skip(TIME_SIZE).zip(fields) {
-            *place = byte;
-        }
+        bytes[TIME_SIZE..TIME_SIZE + 2].copy_from_slice(&self.kind.0.to_ne_bytes());
+        bytes[TIME_SIZE + 2..TIME_SIZE + 4].copy_from_slice(&self.code.to_ne_bytes());
+        bytes[TIME_SIZE + 4..].copy_from_slice(&self.value.to_ne_bytes());
         bytes
     }
 }

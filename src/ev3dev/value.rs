@@ -68,14 +68,8 @@ impl fmt::Display for Legal {
         match self {
             Self::Number => f.write_str("a whole number"),
             Self::Range(first, last) => write!(f, "{first} to {last}"),
-            Self::Words(words) => {
-                f.write_str("one of")?;
-                words.iter().try_for_each(|word| write!(f, " {word}"))
-            }
-            Self::Flags(words) => {
-                f.write_str("any of")?;
-                words.iter().try_for_each(|word| write!(f, " {word}"))
-            }
+            Self::Words(words) => write!(f, "one of {}", words.join(" ")),
+            Self::Flags(words) => write!(f, "any of {}", words.join(" ")),
             Self::OneOf(words) => write!(f, "one of {words}"),
             Self::Text => f.write_str("text"),
             Self::Bytes => f.write_str("bytes"),

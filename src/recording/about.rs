@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::grid::Grid;
 use super::stop::{Stop, StopReason};
 use crate::ev3dev::{Platform, Technology};
-use crate::mapping::{MapPoint, Method, Pose};
+use crate::mapping::{MapPoint, Method, Pose, RangeMount};
 use crate::printable;
 use crate::senses::QUANTITIES;
 
@@ -24,8 +24,8 @@ pub struct Start {
     pub mission_toml: String,
     /// `world.toml` as it was read, where the brick is simulated.
     pub world_toml: Option<String>,
-    /// The range sensor, where there is one.
-    pub range: Option<RangeSensor>,
+    /// How the range sensor sits and measures, where there is one.
+    pub range: Option<RangeMount>,
     /// The mission's machines, in its order.
     pub machines: Vec<MachineNames>,
     /// The names of the mission's variables, in its order.
@@ -76,21 +76,6 @@ pub enum Pace {
     /// It is simulated and outruns the disk: a full ring is waited for, so nothing is lost, and
     /// only the run's clock decides when syncs are made, so the same run gives the same bytes.
     Virtual,
-}
-
-/// How the range sensor sits and sees.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RangeSensor {
-    /// From the head's axis to where distances are counted from, metres.
-    pub ahead_m: f64,
-    /// The least distance that it can measure, metres.
-    pub min_m: f64,
-    /// The greatest, metres.
-    pub max_m: f64,
-    /// How wide it sees, radians.
-    pub field_of_view_rad: f64,
-    /// True for infrared, false for ultrasound.
-    pub infrared: bool,
 }
 
 /// What a machine and its states are called.
@@ -192,10 +177,8 @@ pub(super) fn of_start(info: &Info) -> Metadata {
         put(&format!("set.{name}"), value.to_string());
     }
     for quantity in &QUANTITIES {
-        let name = serde_json::to_value(quantity.channel)
-            .ok()
-            .and_then(|name| Some(name.as_str()?.to_owned()));
-        let said = format!("{}, {}", name.unwrap_or_default(), quantity.unit.symbol());
+        let name = serde_json::to_value(quantity.channel).unwrap_or_default();
+        let said = format!("{}, {}", name.as_str().unwrap_or_default(), quantity.unit.symbol());
         put(&format!("channel.{}", quantity.channel as u8), said);
     }
     Metadata { name: names::ABOUT.to_owned(), metadata: values }

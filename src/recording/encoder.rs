@@ -13,14 +13,14 @@ use super::grid::{self, Grid};
 use super::message::{self, Gap, Header, PLANAR_VARIANCE, Quaternion, Time, Vector3, planar};
 use super::points;
 use super::run::RecordedPose;
-use super::sink::RecordError;
+use super::sink::{RecordError, Sink};
 use super::status::{SAYS, Status};
 use super::tick::{Dropped, Entry, Level, TickRecord};
 use super::topic::{FRAME_BASE, FRAME_MAP, FRAME_ODOM, FRAME_RANGE, Topic};
 use super::walls::Surveyed;
 use crate::behavior::Taken;
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
-use crate::mapping::{Estimate, MapPoint, OccupancyGrid, Range};
+use crate::mapping::{Estimate, MapPoint, OccupancyGrid, Range, RangeMount};
 use crate::senses::Channel;
 
 /// How often odometry and transforms are written for viewers; `/pose` has every tick.
@@ -31,6 +31,12 @@ const MAP_PERIOD_NS: i64 = 5 * SECOND_NS;
 
 /// How often there are statistics.
 const STATISTICS_PERIOD_NS: i64 = SECOND_NS;
+
+/// The nearest that the ultrasonic sensor measures, metres (`ev3dev-interfaces`, 6.4).
+const NEAREST_M: f64 = 0.03;
+
+/// `radiation_type` of `sensor_msgs/Range`.
+const ULTRASOUND: u8 = 0;
 
 /// Turns entries into messages of one file.
 #[derive(Debug)]
@@ -50,16 +56,11 @@ pub(super) struct Encoder {
     /// keep the file open for seconds after the run.
     surveyed: Option<Surveyed>,
     window: Window,
-    ring: RingUse,
+    /// How full the ring was, and its size, in entries.
+    ring_high_water: u32,
+    ring_size: u32,
     senses: message::SensesMessage,
     pub(super) status: Status,
-}
-
-/// How full the ring was, and its size, in entries.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct RingUse {
-    pub(super) high_water: u32,
-    pub(super) size: u32,
 }
 
 /// The ticks since the last statistics.
@@ -72,16 +73,18 @@ struct Window {
 }
 
 impl Encoder {
-    pub(super) fn new(
-        file: RecordingFile,
+    /// Begins a file; what is known before the first tick is on the disk when this returns.
+    pub(super) fn begin(
+        sink: Box<dyn Sink>,
         start: Start,
         sync_period_ns: i64,
         ring_size: u32,
-    ) -> Self {
+    ) -> Result<Self, RecordError> {
+        let file = RecordingFile::begin(sink, &start)?;
         let status = Status::at_start(&start);
         let map = OccupancyGrid::around(&start.info.start_pose);
         let surveyed = (start.info.pace == Pace::Virtual).then(Surveyed::default);
-        Self {
+        let mut encoder = Self {
             file,
             start,
             sync_period_ns,
@@ -93,10 +96,14 @@ impl Encoder {
             points: Vec::new(),
             surveyed,
             window: Window::default(),
-            ring: RingUse { high_water: 0, size: ring_size },
+            ring_high_water: 0,
+            ring_size,
             senses: message::SensesMessage::default(),
             status,
-        }
+        };
+        encoder.static_transforms()?;
+        encoder.file.sync()?;
+        Ok(encoder)
     }
 
     /// Notes how full the ring was. Where time is simulated that says something of the machine and
@@ -104,7 +111,7 @@ impl Encoder {
     pub(super) fn note_ring(&mut self, used: usize) {
         if self.start.info.pace == Pace::Real {
             let used = u32::try_from(used).unwrap_or(u32::MAX);
-            self.ring.high_water = self.ring.high_water.max(used);
+            self.ring_high_water = self.ring_high_water.max(used);
         }
     }
 
@@ -126,12 +133,12 @@ impl Encoder {
             Entry::Keyframes { time_ns, keyframes } => {
                 let keyframes = keyframes.to_vec();
                 self.surveyed.iter_mut().for_each(|all| all.keyframes.clone_from(&keyframes));
-                self.put(Topic::Keyframes, *time_ns, &message::Keyframes { keyframes })
+                self.file.message(Topic::Keyframes, *time_ns, &message::Keyframes { keyframes })
             }
             Entry::Truth { time_ns, pose } => {
                 let header = self.header(*time_ns, FRAME_MAP);
                 let pose = message::Pose3::on_floor(pose);
-                self.put(Topic::Truth, *time_ns, &message::PoseStamped { header, pose })
+                self.file.message(Topic::Truth, *time_ns, &message::PoseStamped { header, pose })
             }
             Entry::Log { time_ns, level, text } => {
                 if *level >= Level::Warn {
@@ -155,9 +162,11 @@ impl Encoder {
         self.flush_statistics(time_ns)?;
         self.walls(time_ns)?;
         match map {
-            Some(map) => {
-                self.put(Topic::Map, time_ns, &grid::message(map, self.header(time_ns, FRAME_MAP)))
-            }
+            Some(map) => self.file.message(
+                Topic::Map,
+                time_ns,
+                &grid::message(map, self.header(time_ns, FRAME_MAP)),
+            ),
             None => Ok(()),
         }
     }
@@ -177,12 +186,12 @@ impl Encoder {
             reason: "the ring to the recorder was full: the disk was slow".to_owned(),
         };
         self.status.dropped = self.status.dropped.saturating_add(dropped.entries);
-        self.put(Topic::Gap, self.status.time_ns, &gap)
+        self.file.message(Topic::Gap, self.status.time_ns, &gap)
     }
 
     /// The frames that do not move. Poses are given in the map's frame, so odometry starts from
     /// there.
-    pub(super) fn static_transforms(&mut self) -> Result<(), RecordError> {
+    fn static_transforms(&mut self) -> Result<(), RecordError> {
         let time_ns = self.start.info.start_ns;
         let still = self.transform(
             time_ns,
@@ -191,7 +200,11 @@ impl Encoder {
             Vector3::default(),
             Quaternion::of_yaw(0.0),
         );
-        self.put(Topic::StaticTransforms, time_ns, &message::TfMessage { transforms: vec![still] })
+        self.file.message(
+            Topic::StaticTransforms,
+            time_ns,
+            &message::TfMessage { transforms: vec![still] },
+        )
     }
 
     fn tick(&mut self, record: &TickRecord) -> Result<(), RecordError> {
@@ -236,7 +249,7 @@ impl Encoder {
                 message.changed_ns.push(reading.changed_ns);
             }
         }
-        let written = self.put(Topic::Senses, message.time_ns, &message);
+        let written = self.file.message(Topic::Senses, message.time_ns, &message);
         self.senses = message;
         written
     }
@@ -247,7 +260,7 @@ impl Encoder {
             record.estimate;
         let message =
             RecordedPose { tick, time_ns, pose, forward_m_s, turn_rad_s, travelled_m, range };
-        self.put(Topic::Pose, record.senses.time_ns, &message)
+        self.file.message(Topic::Pose, record.senses.time_ns, &message)
     }
 
     fn odometry(&mut self, record: &TickRecord) -> Result<(), RecordError> {
@@ -266,7 +279,7 @@ impl Encoder {
             // It does not drive sideways.
             twist_covariance: planar([forward, 0.0, 0.0, PLANAR_VARIANCE, 0.0, turn]),
         };
-        self.put(Topic::Odometry, time_ns, &message)?;
+        self.file.message(Topic::Odometry, time_ns, &message)?;
         let mut transforms =
             vec![self.transform(time_ns, FRAME_ODOM, FRAME_BASE, body.position, body.orientation)];
         if let Some(range) = self.start.range {
@@ -276,7 +289,7 @@ impl Encoder {
             let turned = Quaternion::of_yaw(head_rad);
             transforms.push(self.transform(time_ns, FRAME_BASE, FRAME_RANGE, place, turned));
         }
-        self.put(Topic::Transforms, time_ns, &message::TfMessage { transforms })
+        self.file.message(Topic::Transforms, time_ns, &message::TfMessage { transforms })
     }
 
     #[expect(
@@ -296,14 +309,14 @@ impl Encoder {
         };
         let message = message::RangeMessage {
             header: self.header(reading.read_ns, FRAME_RANGE),
-            radiation_type: u8::from(sensor.infrared),
-            field_of_view: sensor.field_of_view_rad as f32,
-            min_range: sensor.min_m as f32,
+            radiation_type: ULTRASOUND,
+            field_of_view: field_of_view_rad(&sensor) as f32,
+            min_range: NEAREST_M as f32,
             max_range: sensor.max_m as f32,
             range,
             variance: 0.0,
         };
-        self.put(Topic::Range, record.senses.time_ns, &message)
+        self.file.message(Topic::Range, record.senses.time_ns, &message)
     }
 
     fn map(&mut self, record: &TickRecord) -> Result<(), RecordError> {
@@ -316,7 +329,11 @@ impl Encoder {
         } else if due(&mut self.next_map_ns, time_ns, MAP_PERIOD_NS) && self.map_grew {
             self.map_grew = false;
             let map = Grid::from(&self.map).trimmed();
-            self.put(Topic::Map, time_ns, &grid::message(&map, self.header(time_ns, FRAME_MAP)))?;
+            self.file.message(
+                Topic::Map,
+                time_ns,
+                &grid::message(&map, self.header(time_ns, FRAME_MAP)),
+            )?;
         }
         Ok(())
     }
@@ -339,14 +356,14 @@ impl Encoder {
             condition: condition.unwrap_or_default().to_owned(),
         };
         self.status.enter(taken.machine, &message.to_state);
-        self.put(Topic::Transitions, time_ns, &message)
+        self.file.message(Topic::Transitions, time_ns, &message)
     }
 
     fn variables(&mut self, tick: u64, time_ns: i64, values: &[f64]) -> Result<(), RecordError> {
         let (name, value) = (self.start.variables.clone(), values.to_vec());
         self.status.variables = name.iter().cloned().zip(values.iter().copied()).collect();
         let message = message::Variables { tick, time_ns, name, value };
-        self.put(Topic::Variables, time_ns, &message)
+        self.file.message(Topic::Variables, time_ns, &message)
     }
 
     /// Writes what the pilot carries from a tick to the next.
@@ -356,8 +373,12 @@ impl Encoder {
         time_ns: i64,
         state: &S,
     ) -> Result<(), RecordError> {
-        let message = message::Checkpoint { tick, time_ns, state: state_bytes(state)? };
-        self.put(Topic::Checkpoint, time_ns, &message)
+        let state = message::encode(state).map_err(|error| RecordError {
+            doing: "encode a checkpoint",
+            source: std::io::Error::other(error.to_string()),
+        })?;
+        let message = message::Checkpoint { tick, time_ns, state };
+        self.file.message(Topic::Checkpoint, time_ns, &message)
     }
 
     /// Writes a log line.
@@ -371,7 +392,7 @@ impl Encoder {
             function: String::new(),
             line: 0,
         };
-        self.put(Topic::Log, time_ns, &message)
+        self.file.message(Topic::Log, time_ns, &message)
     }
 
     fn count(&mut self, record: &TickRecord) {
@@ -396,11 +417,11 @@ impl Encoder {
             lateness_p50_ns: rank(&window.lateness_ns, 50),
             lateness_p99_ns: rank(&window.lateness_ns, 99),
             lateness_max_ns,
-            ring_high_water: std::mem::take(&mut self.ring.high_water),
-            ring_size: self.ring.size,
+            ring_high_water: std::mem::take(&mut self.ring_high_water),
+            ring_size: self.ring_size,
         };
         self.window.start_ns = time_ns;
-        self.put(Topic::Statistics, time_ns, &statistics)
+        self.file.message(Topic::Statistics, time_ns, &statistics)
     }
 
     fn flush_points(&mut self, time_ns: i64) -> Result<(), RecordError> {
@@ -412,7 +433,7 @@ impl Encoder {
             surveyed.points.extend(&self.points);
         }
         self.points.clear();
-        self.put(Topic::Points, time_ns, &message)
+        self.file.message(Topic::Points, time_ns, &message)
     }
 
     /// Writes the walls that all points make, if there are any.
@@ -421,7 +442,7 @@ impl Encoder {
         let Some(message) = self.surveyed.take().and_then(|all| all.message(header)) else {
             return Ok(());
         };
-        self.put(Topic::Walls, time_ns, &message)
+        self.file.message(Topic::Walls, time_ns, &message)
     }
 
     fn transform(
@@ -443,15 +464,11 @@ impl Encoder {
     fn header(&self, time_ns: i64, frame: &str) -> Header {
         Header { stamp: Time::of_ns(self.file.stamp_ns(time_ns)), frame_id: frame.to_owned() }
     }
+}
 
-    fn put<T: Serialize>(
-        &mut self,
-        topic: Topic,
-        time_ns: i64,
-        message: &T,
-    ) -> Result<(), RecordError> {
-        self.file.message(topic, time_ns, message)
-    }
+/// How wide the range sensor sees.
+fn field_of_view_rad(sensor: &RangeMount) -> f64 {
+    2.0 * sensor.half_cone_rad
 }
 
 /// True where a period is over; the next one begins where this one ended, so nothing drifts, unless
@@ -472,16 +489,23 @@ fn rank(sorted: &[i64], percent: usize) -> i64 {
     sorted.get(place).copied().unwrap_or(0)
 }
 
-fn state_bytes<T: Serialize + ?Sized>(state: &T) -> Result<Vec<u8>, RecordError> {
-    message::encode(&state).map_err(|error| RecordError {
-        doing: "encode a checkpoint",
-        source: std::io::Error::other(error.to_string()),
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::{DEFAULT_ROBOT, RobotConfig};
+    use crate::units::degrees;
+
+    #[test]
+    fn the_cone_that_is_recorded_is_the_one_that_the_map_is_made_with() {
+        let wide = DEFAULT_ROBOT.replacen("half_cone_deg = 14", "half_cone_deg = 20", 1);
+        for (text, half_deg) in [(DEFAULT_ROBOT, 14.0), (&wide, 20.0)] {
+            let (config, _) = RobotConfig::load("robot.toml", text.as_bytes()).unwrap();
+            let seen_rad = field_of_view_rad(&config.range.unwrap());
+            assert!((degrees(seen_rad) - 2.0 * half_deg).abs() < 1e-9, "{seen_rad} rad");
+            let mapped = config.geometry().unwrap();
+            assert!((mapped.range().half_cone_rad * 2.0 - seen_rad).abs() < 1e-12);
+        }
+    }
 
     #[test]
     fn periods_do_not_drift_and_missed_ones_are_not_made_up_for() {

@@ -29,6 +29,7 @@ use binrw::BinWrite;
 use mcap::records::{self, MessageIndex, MessageIndexEntry, Metadata, op};
 use serde::Serialize;
 
+use super::about::{Start, names, of_start};
 use super::message;
 use super::record::{FRAME_BYTES, sealed};
 use super::sink::{RecordError, Sink};
@@ -74,24 +75,15 @@ struct Chunk {
 }
 
 impl RecordingFile {
-    /// Begins a file with what is known of the run, the files that it was made from (name and
-    /// text), and the channels. Nothing of it is synced yet.
-    ///
-    /// - `start_ns`: the run's start, nanoseconds of its clock.
-    /// - `wall_offset_ns`: the wall clock minus the run's.
-    pub(super) fn begin(
-        sink: Box<dyn Sink>,
-        about: Metadata,
-        attached: &[(&str, &str)],
-        start_ns: i64,
-        wall_offset_ns: i64,
-    ) -> Result<Self, RecordError> {
+    /// Begins a file with what is known of the run, the files that it was made from, and the
+    /// channels. Nothing of it is synced yet.
+    pub(super) fn begin(sink: Box<dyn Sink>, start: &Start) -> Result<Self, RecordError> {
         let index = |topic| MessageIndex { channel_id: topic as u16, records: Vec::new() };
         let chunk_indexes = sink.scratch().map_err(failed("begin the file"))?;
         let mut file = Self {
             sink,
             position: 0,
-            wall_offset_ns,
+            wall_offset_ns: start.info.wall_offset_ns,
             sequence: [0; Topic::ALL.len()],
             chunk: Chunk {
                 bytes: vec![0; CHUNK_HEAD],
@@ -103,23 +95,20 @@ impl RecordingFile {
             attachments: Vec::new(),
             metadata: Vec::new(),
         };
-        let stamp = file.stamp_ns(start_ns);
-        let bytes = file.beginning(about, attached, stamp).map_err(failed("begin the file"))?;
+        let bytes = file.beginning(start).map_err(failed("begin the file"))?;
         file.pass_on(&bytes)?;
         Ok(file)
     }
 
-    fn beginning(
-        &mut self,
-        about: Metadata,
-        attached: &[(&str, &str)],
-        stamp: u64,
-    ) -> io::Result<Vec<u8>> {
+    fn beginning(&mut self, start: &Start) -> io::Result<Vec<u8>> {
         let mut bytes = mcap::MAGIC.to_vec();
         let header = records::Header { profile: "ros2".to_owned(), library: LIBRARY.to_owned() };
         put(&mut bytes, op::HEADER, &header)?;
-        self.metadata.push(put_metadata(&mut bytes, 0, about)?);
-        for (name, text) in attached {
+        self.metadata.push(put_metadata(&mut bytes, 0, of_start(&start.info))?);
+        let stamp = self.stamp_ns(start.info.start_ns);
+        let files = [(names::ROBOT, &start.robot_toml), (names::MISSION, &start.mission_toml)];
+        let world = start.world_toml.iter().map(|world| (names::WORLD, world));
+        for (name, text) in files.into_iter().chain(world) {
             self.attachments.push(put_attachment(&mut bytes, name, text, stamp)?);
         }
         put_schemas(&mut self.chunk.bytes)?;

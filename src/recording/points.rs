@@ -73,15 +73,11 @@ fn bytes_of(point: &MapPoint) -> [u8; STEP as usize] {
 }
 
 fn point_of(bytes: &[u8; STEP as usize]) -> MapPoint {
-    let eight = |at: usize| {
-        let mut eight = [0; 8];
-        eight.copy_from_slice(&bytes[at..at + 8]);
-        eight
-    };
+    let (eights, _) = bytes.as_chunks::<8>();
     MapPoint {
-        x_m: f64::from_le_bytes(eight(16)),
-        y_m: f64::from_le_bytes(eight(24)),
-        time_ns: i64::from_le_bytes(eight(32)),
+        x_m: f64::from_le_bytes(eights[2]),
+        y_m: f64::from_le_bytes(eights[3]),
+        time_ns: i64::from_le_bytes(eights[4]),
     }
 }
 

@@ -12,9 +12,8 @@ use std::time::Duration;
 use rtrb::{Consumer, RingBuffer};
 use serde::Serialize;
 
-use super::about::{End, Pace, Start, names, of_end, of_start};
+use super::about::{End, Pace, Start, of_end};
 use super::encoder::Encoder;
-use super::file::RecordingFile;
 use super::sink::{RecordError, Sink};
 use super::status::Status;
 use super::tick::{Dropped, Entry, Flags, State, TickSide};
@@ -96,7 +95,7 @@ impl Recorder {
         let (put_states, take_states) = RingBuffer::new(STATES);
         let ring_size = u32::try_from(ring_entries).unwrap_or(u32::MAX);
         let pace = start.info.pace;
-        let encoder = begin(sink, start, options.sync_period_ns, ring_size)?;
+        let encoder = Encoder::begin(sink, start, options.sync_period_ns, ring_size)?;
         let flags = Arc::new(Flags::default());
         let end = Arc::new(Mutex::new(Closing::default()));
         let work = Work {
@@ -150,24 +149,6 @@ impl Drop for Recorder {
         // Who let go of it without finishing has an error of his own to tell.
         let _ = self.join();
     }
-}
-
-/// Writes what is known before the first tick.
-fn begin(
-    sink: Box<dyn Sink>,
-    start: Start,
-    sync_period_ns: i64,
-    ring_size: u32,
-) -> Result<Encoder, RecordError> {
-    let mut files = vec![(names::ROBOT, &*start.robot_toml), (names::MISSION, &start.mission_toml)];
-    files.extend(start.world_toml.as_deref().map(|world| (names::WORLD, world)));
-    let info = &start.info;
-    let file =
-        RecordingFile::begin(sink, of_start(info), &files, info.start_ns, info.wall_offset_ns)?;
-    let mut encoder = Encoder::new(file, start, sync_period_ns, ring_size);
-    encoder.static_transforms()?;
-    encoder.file.sync()?;
-    Ok(encoder)
 }
 
 /// What the thread works with.

@@ -4,7 +4,6 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 use crate::senses::Channel;
 
@@ -109,13 +108,8 @@ impl StopReason {
     /// A word for lists and programs: the one that it is serialized by.
     #[must_use]
     pub fn word(self) -> String {
-        match serde_json::to_value(self) {
-            Ok(Value::Object(mut fields)) => match fields.remove("word") {
-                Some(Value::String(word)) => word,
-                _ => String::new(),
-            },
-            _ => String::new(),
-        }
+        let fields = serde_json::to_value(self).unwrap_or_default();
+        fields["word"].as_str().unwrap_or_default().to_owned()
     }
 
     /// True where the run ended as the mission or a person wanted it.

@@ -30,21 +30,8 @@ pub struct RobotConfig {
     /// How old a reading may be before it counts as lost, nanoseconds; that of the battery may be
     /// older ([`RobotConfig::age_limit_ns`]).
     pub max_age_ns: i64,
-    /// The left wheel's motor.
-    pub left: MotorRole,
-    /// The right wheel's motor.
-    pub right: MotorRole,
-    /// Metres driven in one turn of a wheel.
-    pub wheel_circumference_m: f64,
-    /// Metres between the two wheels' points of contact.
-    pub track_width_m: f64,
-    /// The fastest that a wheel may turn, radians per second at its axle.
-    pub max_wheel_rad_s: f64,
-    /// How fast a wheel goes along the floor in a motion that ends, unless the mission says
-    /// otherwise, metres per second; `None`: half of what it may.
-    pub speed_m_s: Option<f64>,
-    /// How fast that speed grows and shrinks, metres per second each second.
-    pub acceleration_m_s2: f64,
+    /// What it drives with.
+    pub drive: DriveBase,
     /// What turns the range sensor.
     pub head: Option<HeadRole>,
     /// The sensors that it has, named ones among them, each with its port; `None` where only one
@@ -69,6 +56,26 @@ pub struct RobotConfig {
     pub battery: BatteryConfig,
     /// Further motors, which missions know by their names; at most [`RobotConfig::MAX_MOTORS`].
     pub motors: Vec<NamedMotor>,
+}
+
+/// Two wheels, and their measures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DriveBase {
+    /// The left wheel's motor.
+    pub left: MotorRole,
+    /// The right wheel's motor.
+    pub right: MotorRole,
+    /// Metres driven in one turn of a wheel.
+    pub wheel_circumference_m: f64,
+    /// Metres between the two wheels' points of contact.
+    pub track_width_m: f64,
+    /// The fastest that a wheel may turn, radians per second at its axle.
+    pub max_wheel_rad_s: f64,
+    /// How fast a wheel goes along the floor in a motion that ends, unless the mission says
+    /// otherwise, metres per second; `None`: half of what it may.
+    pub speed_m_s: Option<f64>,
+    /// How fast that speed grows and shrinks, metres per second each second.
+    pub acceleration_m_s2: f64,
 }
 
 /// A motor that a role is bound to.
@@ -171,8 +178,8 @@ impl RobotConfig {
             WantedMotor { channel, section, motor, max_rad_s }
         };
         let wheels = [
-            wanted(Channel::Left, "drive.left", &self.left, self.max_wheel_rad_s),
-            wanted(Channel::Right, "drive.right", &self.right, self.max_wheel_rad_s),
+            wanted(Channel::Left, "drive.left", &self.drive.left, self.drive.max_wheel_rad_s),
+            wanted(Channel::Right, "drive.right", &self.drive.right, self.drive.max_wheel_rad_s),
         ];
         let head = self.head.as_ref();
         let head = head.map(|head| wanted(Channel::Head, "head", &head.motor, head.max_rad_s));
@@ -241,7 +248,6 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     let stop_button = root
         .value_or("stop_button", None, |item| stop_button::stop_button(&item.section()?).map(Some));
     let motors = named(root, "motor", RobotConfig::MAX_MOTORS, named_motor);
-    let drive = drive?;
     let (head, (range, infrared)) = (head?, range?.unzip());
     let on_head = head.is_some();
     let (named_sensors, plugs): (Vec<_>, Vec<_>) = named_sensors?.into_iter().unzip();
@@ -252,13 +258,7 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     let config = RobotConfig {
         name: name?,
         max_age_ns: crate::clock::nanoseconds(max_age_s?),
-        left: drive.left,
-        right: drive.right,
-        wheel_circumference_m: drive.wheel_circumference_m,
-        track_width_m: drive.track_width_m,
-        max_wheel_rad_s: drive.max_wheel_rad_s,
-        speed_m_s: drive.speed_m_s,
-        acceleration_m_s2: drive.acceleration_m_s2,
+        drive: drive?,
         head,
         sensors,
         drivers: drivers.into_iter().flatten().collect(),
@@ -292,21 +292,11 @@ fn name_of(item: &Item<'_>) -> Option<String> {
     Some(name.to_owned())
 }
 
-struct Drive {
-    left: MotorRole,
-    right: MotorRole,
-    wheel_circumference_m: f64,
-    track_width_m: f64,
-    max_wheel_rad_s: f64,
-    speed_m_s: Option<f64>,
-    acceleration_m_s2: f64,
-}
-
 /// How fast speeds grow and shrink where the file says nothing, metres per second each second:
 /// wheels of a LEGO robot grip at more.
 const ACCELERATION_M_S2: f64 = 0.3;
 
-fn drive(section: &Section<'_>) -> Option<Drive> {
+fn drive(section: &Section<'_>) -> Option<DriveBase> {
     section.allow(&[
         "left",
         "right",
@@ -332,7 +322,7 @@ fn drive(section: &Section<'_>) -> Option<Drive> {
     let speed_mps = section.value_or("speed_mps", None, |item| item.number(0.01..=2.0).map(Some));
     let acceleration_mps2 =
         section.value_or("acceleration_mps2", ACCELERATION_M_S2, |item| item.number(0.02..=20.0));
-    Some(Drive {
+    Some(DriveBase {
         left: left?,
         right: right?,
         wheel_circumference_m: wheel_circumference_m?,
@@ -520,8 +510,8 @@ mod tests {
     fn the_shipped_robot_is_the_seeds() {
         let (robot, warnings) = RobotConfig::load("robot.toml", DEFAULT_ROBOT.as_bytes()).unwrap();
         assert!(warnings.is_empty(), "{warnings}");
-        assert!((robot.wheel_circumference_m - 37.2 * 0.0254 / 5.0).abs() < 1e-9);
-        assert!((robot.track_width_m - 4.5 * 0.0254).abs() < 1e-9);
+        assert!((robot.drive.wheel_circumference_m - 37.2 * 0.0254 / 5.0).abs() < 1e-9);
+        assert!((robot.drive.track_width_m - 4.5 * 0.0254).abs() < 1e-9);
         let head = robot.head.unwrap();
         assert!((head.motor.ratio + 12.0 / 36.0).abs() < 1e-12);
         assert!(
@@ -541,7 +531,7 @@ mod tests {
                     wheel_circumference_m = 0.2\ntrack_width_m = 0.1\nmax_dps = 300\n";
         let (robot, _) = RobotConfig::load("robot.toml", text.as_bytes()).unwrap();
         assert!(robot.head.is_none() && robot.range.is_none() && robot.sensors.is_empty());
-        assert_eq!((robot.left.ratio, robot.right.ratio), (1.0, -1.0));
+        assert_eq!((robot.drive.left.ratio, robot.drive.right.ratio), (1.0, -1.0));
     }
 
     #[test]

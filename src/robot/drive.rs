@@ -31,7 +31,7 @@ impl RobotConfig {
     ///
     /// A measure that makes no sense, though it passed when the file was read.
     pub fn geometry(&self) -> Result<Geometry, GeometryError> {
-        Geometry::new(self.wheel_circumference_m, self.track_width_m)?
+        Geometry::new(self.drive.wheel_circumference_m, self.drive.track_width_m)?
             .with_gyro_scale(self.gyro_scale)?
             .with_range(self.range.unwrap_or_default())
     }
@@ -39,20 +39,20 @@ impl RobotConfig {
     /// Metres driven for a radian of a wheel.
     #[must_use]
     pub fn metres_per_rad(&self) -> f64 {
-        self.wheel_circumference_m / (2.0 * PI)
+        self.drive.wheel_circumference_m / (2.0 * PI)
     }
 
     /// What motions that end keep to.
     #[must_use]
     pub fn motion_limits(&self) -> MotionLimits {
-        let max_m_s = self.max_wheel_rad_s * self.wheel_circumference_m / (2.0 * PI);
+        let max_m_s = self.drive.max_wheel_rad_s * self.drive.wheel_circumference_m / (2.0 * PI);
         MotionLimits {
             // Half of what the wheels may do leaves them room for steering.
-            speed_m_s: self.speed_m_s.unwrap_or(max_m_s / 2.0),
+            speed_m_s: self.drive.speed_m_s.unwrap_or(max_m_s / 2.0),
             max_m_s,
-            max_wheel_rad_s: self.max_wheel_rad_s,
-            acceleration_m_s2: self.acceleration_m_s2,
-            half_track_m: self.track_width_m / 2.0,
+            max_wheel_rad_s: self.drive.max_wheel_rad_s,
+            acceleration_m_s2: self.drive.acceleration_m_s2,
+            half_track_m: self.drive.track_width_m / 2.0,
             head_rad: self.head.as_ref().map_or(0.0, |head| head.limit_rad),
             head_max_rad_s: self.head.as_ref().map_or(0.0, |head| head.max_rad_s),
             range_ahead_m: self.range.as_ref().map_or(0.0, |range| range.ahead_m),
@@ -73,14 +73,14 @@ impl RobotConfig {
             Some(Drive::Wheels { left_rad_s, right_rad_s }) => [left_rad_s, right_rad_s],
             Some(Drive::Twist { forward_m_s, turn_rad_s }) => {
                 let metres_per_rad = self.metres_per_rad();
-                let turning_m_s = turn_rad_s * self.track_width_m / 2.0;
+                let turning_m_s = turn_rad_s * self.drive.track_width_m / 2.0;
                 [
                     (forward_m_s - turning_m_s) / metres_per_rad,
                     (forward_m_s + turning_m_s) / metres_per_rad,
                 ]
             }
         };
-        if wanted.iter().all(|speed| speed.abs() <= self.max_wheel_rad_s) {
+        if wanted.iter().all(|speed| speed.abs() <= self.drive.max_wheel_rad_s) {
             wanted
         } else {
             self.slower(wanted)
@@ -92,7 +92,7 @@ impl RobotConfig {
     fn slower(&self, wanted: [f64; 2]) -> [f64; 2] {
         let fastest = wanted[0].abs().max(wanted[1].abs());
         if wanted.iter().all(|speed| speed.is_finite()) {
-            wanted.map(|speed| speed * (self.max_wheel_rad_s / fastest))
+            wanted.map(|speed| speed * (self.drive.max_wheel_rad_s / fastest))
         } else {
             [0.0; 2]
         }
@@ -127,8 +127,8 @@ mod tests {
         let [left, right] =
             robot.wheel_speeds(Some(Drive::Wheels { left_rad_s: 100.0, right_rad_s: -50.0 }));
         assert!(
-            (left - robot.max_wheel_rad_s).abs() < 1e-9
-                && (right + robot.max_wheel_rad_s / 2.0).abs() < 1e-9
+            (left - robot.drive.max_wheel_rad_s).abs() < 1e-9
+                && (right + robot.drive.max_wheel_rad_s / 2.0).abs() < 1e-9
         );
     }
 
@@ -147,7 +147,7 @@ mod tests {
             };
             for speed in robot.wheel_speeds(Some(drive)) {
                 prop_assert!(
-                    speed.abs() <= robot.max_wheel_rad_s * (1.0 + 1e-12),
+                    speed.abs() <= robot.drive.max_wheel_rad_s * (1.0 + 1e-12),
                     "{drive:?} gave {speed}"
                 );
             }

@@ -105,10 +105,6 @@ impl RobotConfig {
     /// The driver of a role's sensor: what the file says, else the kind that is preferred.
     #[must_use]
     pub fn driver_of(&self, role: Role) -> Option<Driver> {
-        let measured = match role {
-            Role::Sensor(at) => self.named_sensors.get(usize::from(at))?.measures.quantity().role,
-            role => role,
-        };
-        self.drivers.get(&role).copied().or_else(|| measured.drivers().next())
+        self.drivers.get(&role).copied().or_else(|| self.kind(role).drivers().next())
     }
 }

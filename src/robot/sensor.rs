@@ -25,22 +25,17 @@ pub struct RoleSensor {
     gives: Vec<(Channel, Source)>,
 }
 
-/// The sensor that a role takes.
-struct Wanted {
-    role: Role,
-    /// The role whose kinds of sensors it can be.
-    kind: Role,
+impl RobotConfig {
     /// What a named sensor measures, and the channel that this goes to.
-    named: Option<(Channel, Channel)>,
-}
+    fn measured(&self, role: Role) -> Option<(Channel, Channel)> {
+        let Role::Sensor(at) = role else { return None };
+        let named = self.named_sensors.get(usize::from(at))?;
+        Some((named.measures, *Channel::SENSORS.get(usize::from(at))?))
+    }
 
-impl Wanted {
-    fn of(config: &RobotConfig, role: Role) -> Self {
-        let at = if let Role::Sensor(at) = role { usize::from(at) } else { usize::MAX };
-        let named = config.named_sensors.get(at).map(|named| named.measures);
-        let named = named.zip(Channel::SENSORS.get(at).copied());
-        let kind = named.map_or(role, |(measured, _)| measured.quantity().role);
-        Self { role, kind, named }
+    /// The role whose kinds of sensors a role can have.
+    pub(super) fn kind(&self, role: Role) -> Role {
+        self.measured(role).map_or(role, |(measured, _)| measured.quantity().role)
     }
 }
 
@@ -61,13 +56,12 @@ impl RoleSensor {
         needed: &[Channel],
     ) -> Result<Self, FindError> {
         let port = config.sensors.get(&role).and_then(Option::as_ref);
-        let wanted = Wanted::of(config, role);
         let mut first = None;
         let said = config.drivers.get(&role).copied();
-        let drivers = wanted.kind.drivers();
+        let drivers = config.kind(role).drivers();
         for driver in drivers.filter(|driver| said.is_none_or(|said| said == *driver)) {
             match Sensor::find_kind(tree, port, driver) {
-                Ok(sensor) => return Ok(Self::of(sensor, driver, config, &wanted, needed)),
+                Ok(sensor) => return Ok(Self::of(sensor, driver, config, role, needed)),
                 // Most people mean the kind that is preferred.
                 Err(error) => first = first.or(Some(error)),
             }
@@ -82,10 +76,10 @@ impl RoleSensor {
         sensor: Sensor,
         driver: Driver,
         config: &RobotConfig,
-        wanted: &Wanted,
+        role: Role,
         needed: &[Channel],
     ) -> Self {
-        let Wanted { role, kind, named } = *wanted;
+        let (kind, named) = (config.kind(role), config.measured(role));
         let measured = named.map(|(measured, _)| measured);
         let needed = measured.as_ref().map_or(needed, std::slice::from_ref);
         // A mission that asks one sensor for two modes was refused when it was read.

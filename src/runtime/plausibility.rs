@@ -137,7 +137,8 @@ impl Plausibility {
     pub(super) fn new(config: &RobotConfig, required: &[Channel]) -> Self {
         let needs = |channel| required.contains(&channel);
         Self {
-            turn_per_rad: config.wheel_circumference_m / (2.0 * PI * config.track_width_m),
+            turn_per_rad: config.drive.wheel_circumference_m
+                / (2.0 * PI * config.drive.track_width_m),
             head_limit_rad: config.head.as_ref().map_or(0.0, |head| head.limit_rad),
             gyro: needs(Channel::Gyro),
             range: needs(Channel::Range),

@@ -14,6 +14,7 @@ use crate::ev3dev::{
     self, AttributeSpec, BRICKPI, BRICKPI3, EV3, EVB, PISTORMS, Platform, StopAction,
 };
 use crate::sim::driver::readable;
+use crate::sim::ports::Port;
 
 /// A board as the kernel shows it.
 #[derive(Debug)]
@@ -221,10 +222,10 @@ impl Board {
         BOARDS.iter().find(|board| board.platform == platform).unwrap_or(ev3)
     }
 
-    /// A port's address, by its place among inputs and then outputs.
-    pub(crate) fn address(&self, index: usize) -> Option<String> {
-        let name = self.platform.ports().nth(index)?;
-        Some(format!("{}:{name}", self.platform.parent))
+    /// A port's address.
+    pub(crate) fn address(&self, port: Port) -> String {
+        let name = self.platform.ports().nth(port.index()).unwrap_or_default();
+        format!("{}:{name}", self.platform.parent)
     }
 
     /// How often a controller reads sensors for the driver, nanoseconds; `None` where they send.

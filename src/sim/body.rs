@@ -15,10 +15,8 @@
 //! - The centre of mass is at the middle of the axle, the caster only drags.
 //! - A body moves less than [`MARGIN_M`] in a step: 5 m/s.
 
-use std::f64::consts::PI;
-
-use super::motor::{Motor, toward_zero};
-use super::world::geometry::{Point, Segment, Surfaces, cross, direction, perpendicular, sides};
+use super::motor::{Motor, MotorConstants, toward_zero};
+use super::world::geometry::{Point, Segment, Surfaces, direction, perpendicular, sides};
 use super::world::robot::RobotModel;
 
 /// How near a surface is for a contact to be looked at.
@@ -28,6 +26,9 @@ const MARGIN_M: f64 = 0.01;
 const ROUNDS: usize = 12;
 /// Plastic on concrete.
 const WALL_FRICTION: f64 = 0.3;
+/// What a head adds to its motor's shaft: about 50 g, 3 cm from the axis, through 12:36.
+const HEAD_LOAD_KG_M2: f64 = 0.000_005;
+const HEAD_FRICTION_NM: f64 = 0.002;
 /// Acceleration by gravity.
 const GRAVITY_M_S2: f64 = 9.81;
 
@@ -111,11 +112,10 @@ impl Outline {
 }
 
 fn unit(vector: Point) -> Point {
-    let norm = vector.norm();
-    if norm > 1e-9 { vector / norm } else { Point::zeros() }
+    vector.try_normalize(1e-9).unwrap_or_default()
 }
 
-/// One robot's body: where it is and how it moves.
+/// One robot's body: where it is, how it moves, and what drives it.
 #[derive(Debug, Clone)]
 pub(in crate::sim) struct Body {
     pub(in crate::sim) place: Point,
@@ -127,6 +127,11 @@ pub(in crate::sim) struct Body {
     pub(in crate::sim) touching: bool,
     pub(in crate::sim) bumped: bool,
     pub(in crate::sim) outline: Outline,
+    /// By output port.
+    pub(in crate::sim) motors: [Option<Motor>; 4],
+    pub(in crate::sim) wheels: [Wheel; 2],
+    /// The impulses of the wheels' grip, and of the tyres' hold sideways.
+    grips: [f64; 3],
     front_m: f64,
     inverse_mass: f64,
     inverse_inertia: f64,
@@ -136,7 +141,12 @@ pub(in crate::sim) struct Body {
 }
 
 impl Body {
-    pub(in crate::sim) fn new(model: &RobotModel, place: Point, heading_rad: f64) -> Self {
+    pub(in crate::sim) fn new(
+        model: &RobotModel,
+        place: Point,
+        heading_rad: f64,
+        wheels: [Wheel; 2],
+    ) -> Self {
         let (length, width) = (model.front_m + model.rear_m, 2.0 * model.half_width_m);
         let inertia = model.mass_kg * (length * length + width * width) / 12.0;
         Self {
@@ -148,6 +158,9 @@ impl Body {
             touching: false,
             bumped: false,
             outline: Outline::new(model),
+            motors: motors(model),
+            wheels,
+            grips: [0.0; 3],
             front_m: model.front_m - model.corner_m,
             inverse_mass: 1.0 / model.mass_kg,
             inverse_inertia: 1.0 / inertia,
@@ -164,7 +177,7 @@ impl Body {
 
     fn push(&mut self, impulse: Point, lever: Point) {
         self.velocity += impulse * self.inverse_mass;
-        self.turning_rad_s += cross(lever, impulse) * self.inverse_inertia;
+        self.turning_rad_s += lever.perp(&impulse) * self.inverse_inertia;
     }
 
     fn drag(&mut self, step_s: f64) {
@@ -179,9 +192,71 @@ impl Body {
     }
 
     fn response(&self, lever: Point, along: Point) -> f64 {
-        let arm = cross(lever, along);
+        let arm = lever.perp(&along);
         self.inverse_mass + arm * arm * self.inverse_inertia
     }
+
+    /// The motor that is plugged in on an output port.
+    pub(in crate::sim) fn motor(&self, out: usize) -> Option<&Motor> {
+        self.motors.get(out)?.as_ref()
+    }
+
+    /// Where a wheel pushes the body, which looks `ahead`.
+    fn lever(&self, wheel: Wheel, ahead: Point) -> Point {
+        perpendicular(ahead) * (-wheel.side * self.half_track_m)
+    }
+
+    /// Lets a wheel push the ground, which pushes the body and slows the motor.
+    fn push_off(&mut self, wheel: Wheel, ahead: Point, impulse: f64) {
+        if let Some(motor) = self.motors.get_mut(wheel.out).and_then(Option::as_mut) {
+            motor.speed_rad_s -= impulse * wheel.ground_m_per_rad / motor.inertia_kg_m2;
+            self.push(ahead * impulse, self.lever(wheel, ahead));
+        }
+    }
+
+    /// Starts from the grip of the step before: a wheel that pushes a wall would else creep by what
+    /// the rounds leave over.
+    fn begin(&mut self) {
+        let ahead = direction(self.heading_rad);
+        let [left, right, hold] = self.grips;
+        for (wheel, impulse) in self.wheels.into_iter().zip([left, right]) {
+            self.push_off(wheel, ahead, impulse);
+        }
+        self.push(perpendicular(ahead) * hold, Point::zeros());
+    }
+
+    /// One round of both wheels' grip and of the tyres' hold sideways.
+    fn grip(&mut self, step_s: f64) {
+        let ahead = direction(self.heading_rad);
+        let limit = self.grip_n * step_s;
+        let [mut left, mut right, hold] = self.grips;
+        for (wheel, total) in self.wheels.into_iter().zip([&mut left, &mut right]) {
+            let Some(motor) = self.motor(wheel.out) else { continue };
+            let (lever, reduction) = (self.lever(wheel, ahead), wheel.ground_m_per_rad);
+            let slipping = self.velocity_at(lever).dot(&ahead) - motor.speed_rad_s * reduction;
+            let response =
+                self.response(lever, ahead) + reduction * reduction / motor.inertia_kg_m2;
+            let next = (*total - slipping / response).clamp(-limit, limit);
+            self.push_off(wheel, ahead, next - *total);
+            *total = next;
+        }
+        let aside = perpendicular(ahead);
+        let sliding = self.velocity.dot(&aside);
+        let next = (hold - sliding / self.inverse_mass).clamp(-2.0 * limit, 2.0 * limit);
+        self.push(aside * (next - hold), Point::zeros());
+        self.grips = [left, right, next];
+    }
+}
+
+/// What is plugged in, at rest.
+fn motors(model: &RobotModel) -> [Option<Motor>; 4] {
+    let mut motors = [None; 4];
+    for (out, (slot, kind)) in motors.iter_mut().zip(model.plug.motors).enumerate() {
+        let (load, friction) =
+            if model.head == Some(out) { (HEAD_LOAD_KG_M2, HEAD_FRICTION_NM) } else { (0.0, 0.0) };
+        *slot = kind.map(|kind| Motor::new(MotorConstants::of(kind), load, friction));
+    }
+    motors
 }
 
 /// A wheel's part in one step.
@@ -212,38 +287,24 @@ struct Contact {
 #[derive(Debug, Default)]
 pub(in crate::sim) struct Solver {
     contacts: Vec<Contact>,
-    grips: Vec<[f64; 3]>,
 }
 
 impl Solver {
     pub(in crate::sim) fn new(bodies: usize) -> Self {
-        Self { contacts: Vec::with_capacity(32 * bodies), grips: vec![[0.0; 3]; bodies] }
+        Self { contacts: Vec::with_capacity(32 * bodies) }
     }
 
     /// Moves all bodies by `step_s`; the motors have been driven, and get the ground's reaction.
-    pub(in crate::sim) fn step(
-        &mut self,
-        bodies: &mut [Body],
-        motors: &mut [[Option<Motor>; 4]],
-        wheels: &[[Wheel; 2]],
-        surfaces: &Surfaces,
-        step_s: f64,
-    ) {
+    pub(in crate::sim) fn step(&mut self, bodies: &mut [Body], surfaces: &Surfaces, step_s: f64) {
         self.collect(bodies, surfaces);
-        for (((body, motors), wheels), grips) in
-            bodies.iter_mut().zip(motors.iter_mut()).zip(wheels).zip(&self.grips)
-        {
+        for body in bodies.iter_mut() {
             body.drag(step_s);
-            begin(body, motors, wheels, grips);
+            body.begin();
         }
         // Walls answer first: the wheels already push as in the step before.
         self.contacts.iter_mut().for_each(|contact| resist(contact, bodies, step_s));
         for _ in 0..ROUNDS {
-            for (((body, motors), wheels), grips) in
-                bodies.iter_mut().zip(motors.iter_mut()).zip(wheels).zip(&mut self.grips)
-            {
-                grip(body, motors, wheels, grips, step_s);
-            }
+            bodies.iter_mut().for_each(|body| body.grip(step_s));
             for contact in &mut self.contacts {
                 resist(contact, bodies, step_s);
             }
@@ -270,7 +331,7 @@ impl Solver {
             for disc in &surfaces.discs {
                 let (core, distance) = outline.nearest_core(disc.centre);
                 let gap_m = distance - disc.radius_m - outline.corner_m;
-                self.add(index, body, None, core, disc.centre, gap_m, outline.corner_m);
+                self.add(index, body, None, core, disc.centre, gap_m);
             }
             for (other_index, other) in bodies.iter().enumerate().skip(index + 1) {
                 let hull = other.outline_now();
@@ -296,23 +357,14 @@ impl Solver {
         let radii = outline.corner_m + radius_m;
         for corner in outline.core {
             let point = segment.closest(corner);
-            self.add(
-                index,
-                body,
-                other,
-                corner,
-                point,
-                (corner - point).norm() - radii,
-                outline.corner_m,
-            );
+            self.add(index, body, other, corner, point, (corner - point).norm() - radii);
         }
         for end in [segment.from, segment.to] {
             let (core, distance) = outline.nearest_core(end);
-            self.add(index, body, other, core, end, distance - radii, outline.corner_m);
+            self.add(index, body, other, core, end, distance - radii);
         }
     }
 
-    #[expect(clippy::too_many_arguments, reason = "the two ends of one contact")]
     fn add(
         &mut self,
         body_index: usize,
@@ -321,14 +373,13 @@ impl Solver {
         core: Point,
         surface: Point,
         gap_m: f64,
-        corner_m: f64,
     ) {
         if gap_m > MARGIN_M {
             return;
         }
         let apart = core - surface;
-        let normal = if apart.norm() > 1e-9 { unit(apart) } else { unit(body.place - surface) };
-        let touch = core - normal * corner_m;
+        let normal = apart.try_normalize(1e-9).unwrap_or_else(|| unit(body.place - surface));
+        let touch = core - normal * body.outline.corner_m;
         self.contacts.push(Contact {
             body: body_index,
             other: other.map(|(index, _)| index),
@@ -351,11 +402,10 @@ impl Solver {
             let left_m = contact.gap_m + closing(contact, bodies) * step_s;
             let share = if contact.other.is_some() { 0.5 } else { 1.0 };
             let out = contact.normal * ((-left_m).max(0.0) * share);
-            if let Some(body) = bodies.get_mut(contact.body) {
-                body.place += out;
-                body.note_touch(contact.lever, contact.pushed);
-            }
-            if let Some(other) = contact.other.and_then(|other| bodies.get_mut(other)) {
+            let body = &mut bodies[contact.body];
+            body.place += out;
+            body.note_touch(contact.lever, contact.pushed);
+            if let Some(other) = contact.other.map(|other| &mut bodies[other]) {
                 other.place -= out;
                 other.note_touch(contact.other_lever, contact.pushed);
             }
@@ -378,11 +428,8 @@ fn closing(contact: &Contact, bodies: &[Body]) -> f64 {
 }
 
 fn relative(contact: &Contact, bodies: &[Body]) -> Point {
-    let of = |index: usize, lever: Point| {
-        bodies.get(index).map_or(Point::zeros(), |body| body.velocity_at(lever))
-    };
-    of(contact.body, contact.lever)
-        - contact.other.map_or(Point::zeros(), |other| of(other, contact.other_lever))
+    let own = bodies[contact.body].velocity_at(contact.lever);
+    contact.other.map_or(own, |other| own - bodies[other].velocity_at(contact.other_lever))
 }
 
 /// One round of a contact: no approach beyond the gap, and friction along the surface.
@@ -403,67 +450,13 @@ fn resist(contact: &mut Contact, bodies: &mut [Body], step_s: f64) {
 }
 
 fn answer(contact: &Contact, bodies: &[Body], along: Point) -> f64 {
-    let of = |index: usize, lever: Point| {
-        bodies.get(index).map_or(0.0, |body| body.response(lever, along))
-    };
-    of(contact.body, contact.lever)
-        + contact.other.map_or(0.0, |other| of(other, contact.other_lever))
+    let own = bodies[contact.body].response(contact.lever, along);
+    contact.other.map_or(own, |other| own + bodies[other].response(contact.other_lever, along))
 }
 
 fn apply(contact: &Contact, bodies: &mut [Body], impulse: Point) {
-    if let Some(body) = bodies.get_mut(contact.body) {
-        body.push(impulse, contact.lever);
+    bodies[contact.body].push(impulse, contact.lever);
+    if let Some(other) = contact.other {
+        bodies[other].push(-impulse, contact.other_lever);
     }
-    if let Some(other) = contact.other.and_then(|other| bodies.get_mut(other)) {
-        other.push(-impulse, contact.other_lever);
-    }
-}
-
-/// Starts from the grip of the step before: a wheel that pushes a wall would else creep by what the
-/// rounds leave over.
-fn begin(body: &mut Body, motors: &mut [Option<Motor>; 4], wheels: &[Wheel; 2], grips: &[f64; 3]) {
-    let ahead = direction(body.heading_rad);
-    let aside = perpendicular(ahead);
-    let [left, right, hold] = *grips;
-    for (wheel, impulse) in wheels.iter().zip([left, right]) {
-        let Some(motor) = motors.get_mut(wheel.out).and_then(Option::as_mut) else { continue };
-        body.push(ahead * impulse, aside * (-wheel.side * body.half_track_m));
-        motor.speed_rad_s -= impulse * wheel.ground_m_per_rad / motor.inertia_kg_m2;
-    }
-    body.push(aside * hold, Point::zeros());
-}
-
-/// One round of both wheels' grip and of the tyres' hold sideways.
-fn grip(
-    body: &mut Body,
-    motors: &mut [Option<Motor>; 4],
-    wheels: &[Wheel; 2],
-    grips: &mut [f64; 3],
-    step_s: f64,
-) {
-    let ahead = direction(body.heading_rad);
-    let aside = perpendicular(ahead);
-    let limit = body.grip_n * step_s;
-    let [left, right, hold] = grips;
-    for (wheel, total) in wheels.iter().zip([left, right]) {
-        let Some(motor) = motors.get_mut(wheel.out).and_then(Option::as_mut) else { continue };
-        let lever = aside * (-wheel.side * body.half_track_m);
-        let reduction = wheel.ground_m_per_rad;
-        let slipping = body.velocity_at(lever).dot(&ahead) - motor.speed_rad_s * reduction;
-        let response = body.response(lever, ahead) + reduction * reduction / motor.inertia_kg_m2;
-        let next = (*total - slipping / response).clamp(-limit, limit);
-        let impulse = next - *total;
-        *total = next;
-        body.push(ahead * impulse, lever);
-        motor.speed_rad_s -= impulse * reduction / motor.inertia_kg_m2;
-    }
-    let sliding = body.velocity.dot(&aside);
-    let next = (*hold - sliding / body.inverse_mass).clamp(-2.0 * limit, 2.0 * limit);
-    body.push(aside * (next - *hold), Point::zeros());
-    *hold = next;
-}
-
-/// Metres of ground for a radian of a wheel.
-pub(in crate::sim) fn metres_per_radian(circumference_m: f64) -> f64 {
-    circumference_m / (2.0 * PI)
 }

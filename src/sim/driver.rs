@@ -115,15 +115,6 @@ pub(crate) struct Wait {
     pub(crate) then: Option<Errno>,
 }
 
-/// What a store came to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Stored {
-    /// How many bytes were taken.
-    pub(crate) taken: usize,
-    /// The writer has to wait.
-    pub(crate) wait: Option<Wait>,
-}
-
 /// What a driver answers to a store: done, a wait until it is, or a refusal.
 pub(crate) type Took = Result<Option<Wait>, Errno>;
 
@@ -148,11 +139,6 @@ pub(crate) trait Driver: Debug + Send {
         [&[]; 2]
     }
 
-    /// The driver's name, and the address, of what is on a port.
-    fn identity(&self) -> Option<(&'static str, &str)> {
-        None
-    }
-
     /// Appends the text of an attribute to `out`, but for `address` and `driver_name`.
     ///
     /// # Errors
@@ -171,12 +157,15 @@ pub(crate) trait Driver: Debug + Send {
         Err(Errno::EIO)
     }
 
-    /// Appends the lines of `uevent`.
-    fn uevent(&self, out: &mut Vec<u8>) {
-        if let Some((driver_name, address)) = self.identity() {
-            lego_uevent(out, driver_name, address);
-        }
-    }
+    /// Appends the lines of `uevent` that its identity does not make.
+    fn uevent(&self, _out: &mut Vec<u8>) {}
+}
+
+/// What a device of LEGO's classes says of itself: the files `driver_name` and `address`.
+#[derive(Debug, Clone)]
+pub(crate) struct Identity {
+    pub(crate) driver_name: &'static str,
+    pub(crate) address: String,
 }
 
 /// Appends a line.
@@ -198,7 +187,7 @@ pub(crate) fn list<'a>(out: &mut Vec<u8>, words: impl IntoIterator<Item = &'a st
 }
 
 /// Appends the two lines that every device on a port has in its `uevent`.
-pub(crate) fn lego_uevent(out: &mut Vec<u8>, driver_name: &str, address: &str) {
+pub(crate) fn lego_uevent(out: &mut Vec<u8>, Identity { driver_name, address }: &Identity) {
     line(out, format_args!("LEGO_DRIVER_NAME={driver_name}\nLEGO_ADDRESS={address}"));
 }
 

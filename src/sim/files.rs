@@ -68,16 +68,6 @@ impl SimBrick {
         let state = self.simulation.state();
         look(state.bricks.get(self.robot).ok_or(Errno::ENOENT)?)
     }
-
-    /// Opens a file; see [`SimFile::open`].
-    pub(crate) fn open_file(
-        &self,
-        path: &str,
-        access: Access,
-        layout: EventLayout,
-    ) -> Result<SimFile, Errno> {
-        SimFile::open(&self.simulation, self.robot, path, access, layout)
-    }
 }
 
 impl Tree for SimBrick {

@@ -63,14 +63,14 @@ impl Port {
         self as usize
     }
 
-    /// Which output port it is, 0 for outA.
-    pub(crate) fn output(self) -> Option<usize> {
-        self.index().checked_sub(Self::OutA.index())
+    /// Its place among the four of its kind: 0 for in1 and outA.
+    pub(crate) fn place(self) -> usize {
+        self.index() % 4
     }
 
     /// True for a motor's port.
     pub(crate) fn is_output(self) -> bool {
-        self.output().is_some()
+        self.index() >= Self::OutA.index()
     }
 }
 

@@ -14,9 +14,8 @@ mod beside;
 use super::brick::Brick;
 
 pub use super::brick::Plugged;
-use super::driver::Stored;
-use super::driver::board::Pack;
-use super::driver::lcd::LcdGeometry;
+use super::driver::Took;
+use super::driver::lcd::{Lcd, LcdGeometry};
 use super::driver::sensor::GyroMake;
 use super::fault::{
     Act, ControlError, DeviceFault, FaultError, FaultRecord, Faults, Order, Scenario,
@@ -27,7 +26,7 @@ use super::ports::Port;
 use super::view::Trail;
 use super::world_physics::WorldPhysics;
 use crate::clock::{Clock, MILLISECOND_NS};
-use crate::ev3dev::{Button, Platform};
+use crate::ev3dev::{Button, Platform, Technology};
 use crate::threads::lock;
 
 /// How a brick is made, where bricks differ.
@@ -38,7 +37,7 @@ pub struct Options {
     /// How gyros take a change of mode.
     pub gyro: GyroMake,
     /// What feeds the brick.
-    pub pack: Pack,
+    pub cells: Technology,
     /// For so long after a device appeared its files cannot be opened for writing (EACCES), until
     /// udev has got round to it. Nanoseconds; 0 for never.
     pub access_delay_ns: i64,
@@ -85,7 +84,7 @@ struct Shared {
 
 #[derive(Debug)]
 pub(crate) struct State {
-    physics: Box<dyn Physics>,
+    pub(crate) physics: Box<dyn Physics>,
     pub(crate) bricks: Vec<Brick>,
     bridges: Vec<[Bridge; 4]>,
     /// Time since the simulation began; a whole number of steps.
@@ -188,7 +187,7 @@ impl Simulation {
     /// `None` without such a robot.
     #[must_use]
     pub fn screen(&self, robot: usize) -> Option<(u32, u32, Vec<u8>)> {
-        self.state().bricks.get(robot)?.screen_greys()
+        self.state().bricks.get(robot)?.lcd().map(Lcd::greys)
     }
 
     /// Looks into the world, or changes it, at the present time. `None` if the world is not a `W`.
@@ -205,7 +204,7 @@ impl Simulation {
     ///
     /// EINVAL for a motor in an input port and the reverse, ENOENT without such a robot.
     pub fn plug(&self, robot: usize, port: Port, device: Plugged) -> Result<(), Errno> {
-        self.with_brick(robot, |brick, now_ns| brick.plug(port.index(), Some(device), now_ns))
+        self.with_brick(robot, |brick| brick.plug(port, Some(device)))
     }
 
     /// Pulls what is in a port. The device disappears 0.1 s later.
@@ -214,7 +213,7 @@ impl Simulation {
     ///
     /// ENOENT without such a robot.
     pub fn unplug(&self, robot: usize, port: Port) -> Result<(), Errno> {
-        self.with_brick(robot, |brick, now_ns| brick.plug(port.index(), None, now_ns))
+        self.with_brick(robot, |brick| brick.plug(port, None))
     }
 
     /// Puts a frame of raw bytes into the sensor on a port, as if it went on sending it; with
@@ -224,7 +223,7 @@ impl Simulation {
     ///
     /// ENODEV where no sensor is registered, ENOENT without such a robot.
     pub fn feed(&self, robot: usize, port: Port, frame: Option<&[u8]>) -> Result<(), Errno> {
-        self.with_brick(robot, |brick, _| brick.feed(port.index(), frame))
+        self.with_brick(robot, |brick| brick.feed(port, frame))
     }
 
     /// Makes something go wrong on a port, until it is cleared.
@@ -251,8 +250,7 @@ impl Simulation {
     ///
     /// [`FaultError`]; nothing has changed then.
     pub fn follow(&self, order: &Order) -> Result<(), FaultError> {
-        let state = &mut *self.state();
-        state.faults.perform(order, state.now_ns, &mut state.bricks, state.physics.as_mut())
+        self.state().perform(order)
     }
 
     /// Follows the orders in a text, one a line: `in1 stuck`, `outB block for 2`, `battery 6.2`,
@@ -270,9 +268,9 @@ impl Simulation {
     /// Begins a scenario now, in place of what was left of one before. Its orders are followed to
     /// the step, also when a virtual clock leaps over them.
     pub fn play(&self, scenario: &Scenario) {
-        let state = &mut *self.state();
-        state.faults.plan(scenario, state.now_ns);
-        state.faults.step(state.now_ns, &mut state.bricks, state.physics.as_mut());
+        let mut state = self.state();
+        state.plan(scenario);
+        state.follow_plan();
     }
 
     /// What was done to the robots on purpose so far, in its order.
@@ -295,7 +293,7 @@ impl Simulation {
     ///
     /// ENOENT without such a robot.
     pub fn add_servo(&self, robot: usize, address: &str, has_rate: bool) -> Result<String, Errno> {
-        self.with_brick(robot, |brick, now_ns| Ok(brick.add_servo(address, has_rate, now_ns)))
+        self.with_brick(robot, |brick| Ok(brick.add_servo(address, has_rate)))
     }
 
     /// The pulse that a servo gets, in microseconds; `None` while it floats.
@@ -345,24 +343,23 @@ impl Simulation {
     fn with_brick<R>(
         &self,
         robot: usize,
-        act: impl FnOnce(&mut Brick, i64) -> Result<R, Errno>,
+        act: impl FnOnce(&mut Brick) -> Result<R, Errno>,
     ) -> Result<R, Errno> {
-        let mut state = self.state();
-        let now_ns = state.now_ns;
-        act(state.bricks.get_mut(robot).ok_or(Errno::ENOENT)?, now_ns)
+        act(self.state().bricks.get_mut(robot).ok_or(Errno::ENOENT)?)
     }
 }
 
 impl State {
     fn step(&mut self) {
         self.now_ns += STEP_NS;
-        self.faults.step(self.now_ns, &mut self.bricks, self.physics.as_mut());
+        self.bricks.iter_mut().for_each(|brick| brick.now_ns = self.now_ns);
+        self.follow_plan();
         for (bridges, brick) in self.bridges.iter_mut().zip(&self.bricks) {
             *bridges = brick.bridges();
         }
         self.physics.step(&self.bridges);
         for brick in &mut self.bricks {
-            brick.step(self.now_ns, self.physics.as_mut());
+            brick.step(self.physics.as_mut());
         }
         let world: &dyn Any = self.physics.as_ref();
         if let Some((trail, world)) = self.trail.as_mut().zip(world.downcast_ref()) {
@@ -376,22 +373,11 @@ impl State {
     /// # Errors
     ///
     /// ENODEV for a device that is gone; else the driver's.
-    pub(crate) fn store(
-        &mut self,
-        robot: usize,
-        id: u32,
-        attribute: &str,
-        bytes: &[u8],
-    ) -> Result<Stored, Errno> {
+    pub(crate) fn store(&mut self, robot: usize, id: u32, attribute: &str, bytes: &[u8]) -> Took {
         let brick = self.bricks.get_mut(robot).ok_or(Errno::ENODEV)?;
-        let stored = brick.store(id, attribute, bytes, self.now_ns);
-        brick.settle_port(id, self.now_ns, self.physics.as_mut());
+        let stored = brick.store(id, attribute, bytes);
+        brick.settle_port(id, self.physics.as_mut());
         stored
-    }
-
-    /// Begins to gather what robots drive and see.
-    pub(crate) fn watch(&mut self) {
-        self.trail.get_or_insert_default();
     }
 
     /// The world, if the physics is one.

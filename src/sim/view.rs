@@ -222,7 +222,7 @@ const TOLD: usize = 8;
 impl Simulation {
     /// Gathers from now on what robots drive and see, for [`View::marks`].
     pub fn watch(&self) {
-        self.state().watch();
+        self.state().trail.get_or_insert_default();
     }
 
     /// The room; none where the physics is not a [`WorldPhysics`].
@@ -239,7 +239,7 @@ impl Simulation {
         let world = state.world()?;
         let robots = state.bricks.iter().enumerate().filter_map(|(robot, brick)| {
             let truth = world.truth(robot)?;
-            let devices = brick.device_views(state.now_ns);
+            let devices = brick.device_views();
             let (from, axis_rad, half_rad) = world.sight(robot)?;
             let beam = |echo_m| Beam {
                 from,
@@ -262,7 +262,7 @@ impl Simulation {
                 devices,
                 lights: brick.lights(),
                 tone_hz: brick.speaker.tone_hz,
-                screen: brick.screen_changes(),
+                screen: brick.lcd().map_or(0, |lcd| lcd.changes),
                 pressed: brick.buttons.pressed.iter().map(|button| button.as_str()).collect(),
                 faults: brick
                     .faults_active()

@@ -20,20 +20,17 @@ use std::f64::consts::PI;
 use std::sync::{Arc, Mutex};
 
 pub use self::truth::{Observer, Truth};
-use super::body::{Body, Outline, Solver, Wheel, metres_per_radian};
+use super::body::{Body, Outline, Solver, Wheel};
 use super::chance::Chance;
-use super::motor::{Motor, MotorConstants};
+use super::motor::Motor;
 use super::physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 use super::sensors::{Gyro, Scene, one};
-use super::world::geometry::{Point, Surfaces};
+use super::world::geometry::{Point, Surfaces, direction};
 use super::world::{RobotModel, StartPose, World};
 use crate::clock::seconds;
 use crate::threads::lock;
 use crate::units::radians;
 
-/// What a head adds to its motor's shaft: about 50 g, 3 cm from the axis, through 12:36.
-const HEAD_LOAD_KG_M2: f64 = 0.000_005;
-const HEAD_FRICTION_NM: f64 = 0.002;
 /// What the brick itself draws, amperes.
 const IDLE_A: f64 = 0.18;
 /// How fast a tyre's creep wanders, seconds.
@@ -61,14 +58,12 @@ pub struct WorldPhysics {
     steps: i64,
     seed: u64,
     bodies: Vec<Body>,
-    motors: Vec<[Option<Motor>; 4]>,
-    wheels: Vec<[Wheel; 2]>,
     rigs: Vec<Rig>,
     solver: Solver,
     truths: Arc<Mutex<Vec<Truth>>>,
 }
 
-/// What a robot has besides body and motors.
+/// What a robot has besides its body.
 #[derive(Debug)]
 struct Rig {
     gyro: Gyro,
@@ -99,26 +94,16 @@ impl WorldPhysics {
             });
         }
         let model = world.robot();
-        let body = |start: &StartPose| {
-            Body::new(model, Point::new(start.x_m, start.y_m), start.heading_rad)
-        };
-        let bodies: Vec<Body> = starts.iter().take(robots).map(body).collect();
         let rigs: Vec<Rig> =
             (0_u64..).take(robots).map(|robot| Rig::new(model, seed, robot)).collect();
-        let wheels = rigs.iter().map(|rig| rig.wheels(model)).collect();
-        let motors = vec![motors(model); robots];
-        let solver = Solver::new(robots);
-        let mut physics = Self {
-            world,
-            steps: 0,
-            seed,
-            bodies,
-            motors,
-            wheels,
-            rigs,
-            solver,
-            truths: Arc::default(),
+        let body = |(start, rig): (&StartPose, &Rig)| {
+            let place = Point::new(start.x_m, start.y_m);
+            Body::new(model, place, start.heading_rad, rig.wheels(model))
         };
+        let bodies = starts.iter().zip(&rigs).map(body).collect();
+        let solver = Solver::new(robots);
+        let truths = Arc::default();
+        let mut physics = Self { world, steps: 0, seed, bodies, rigs, solver, truths };
         physics.publish();
         Ok(physics)
     }
@@ -213,27 +198,21 @@ impl WorldPhysics {
         let model = self.world.robot();
         let mut truths = lock(&self.truths);
         truths.clear();
-        truths.extend(self.bodies.iter().zip(&self.motors).zip(&mut self.rigs).map(
-            |((body, motors), rig)| {
-                rig.fallen |= !self.world.floor.has(body.place);
-                let shaft = |out: usize| {
-                    motors.get(out).and_then(Option::as_ref).map_or(0.0, |m| m.angle_rad)
-                };
-                Truth {
-                    x_m: body.place.x,
-                    y_m: body.place.y,
-                    heading_rad: body.heading_rad,
-                    speed_mps: body
-                        .velocity
-                        .dot(&super::world::geometry::direction(body.heading_rad)),
-                    wheels_rad: model.drive.map(shaft),
-                    head_rad: rig.head_rad,
-                    travelled_m: body.travelled_m,
-                    touching: body.touching,
-                    fallen: rig.fallen,
-                }
-            },
-        ));
+        truths.extend(self.bodies.iter().zip(&mut self.rigs).map(|(body, rig)| {
+            rig.fallen |= !self.world.floor.has(body.place);
+            let shaft = |out| body.motor(out).map_or(0.0, |motor| motor.angle_rad);
+            Truth {
+                x_m: body.place.x,
+                y_m: body.place.y,
+                heading_rad: body.heading_rad,
+                speed_mps: body.velocity.dot(&direction(body.heading_rad)),
+                wheels_rad: model.drive.map(shaft),
+                head_rad: rig.head_rad,
+                travelled_m: body.travelled_m,
+                touching: body.touching,
+                fallen: rig.fallen,
+            }
+        }));
     }
 }
 
@@ -250,21 +229,13 @@ impl Physics for WorldPhysics {
         let step_s = seconds(STEP_NS);
         let model = self.world.robot();
         let time_s = self.time_s();
-        for (((rig, motors), wheels), bridges) in
-            self.rigs.iter_mut().zip(&mut self.motors).zip(&mut self.wheels).zip(bridges)
-        {
-            rig.drive(motors, bridges, model, time_s, step_s);
-            rig.creep(wheels, model, step_s);
+        for ((rig, body), bridges) in self.rigs.iter_mut().zip(&mut self.bodies).zip(bridges) {
+            rig.drive(&mut body.motors, bridges, model, time_s, step_s);
+            rig.creep(&mut body.wheels, model, step_s);
         }
-        self.solver.step(
-            &mut self.bodies,
-            &mut self.motors,
-            &self.wheels,
-            &self.world.surfaces,
-            step_s,
-        );
-        for ((rig, motors), body) in self.rigs.iter_mut().zip(&mut self.motors).zip(&self.bodies) {
-            rig.settle(motors, model, step_s);
+        self.solver.step(&mut self.bodies, &self.world.surfaces, step_s);
+        for (rig, body) in self.rigs.iter_mut().zip(&mut self.bodies) {
+            rig.settle(body, model, step_s);
             rig.gyro.follow(body.turning_rad_s, step_s);
         }
         self.steps += 1;
@@ -272,7 +243,7 @@ impl Physics for WorldPhysics {
     }
 
     fn edges(&self, robot: usize, out: usize) -> i64 {
-        let motor = self.motors.get(robot).and_then(|motors| motors.get(out)?.as_ref());
+        let motor = self.bodies.get(robot).and_then(|body| body.motor(out));
         let kind = self.world.robot().plug.motors.get(out).copied().flatten();
         motor.zip(kind).map_or(0, |(motor, kind)| whole(motor.angle_rad * edges_per_rad(kind)))
     }
@@ -303,11 +274,11 @@ impl Physics for WorldPhysics {
     }
 
     fn fail(&mut self, robot: usize, fault: Fault) {
-        let Some((rig, motors)) = self.rigs.get_mut(robot).zip(self.motors.get_mut(robot)) else {
+        let Some((rig, body)) = self.rigs.get_mut(robot).zip(self.bodies.get_mut(robot)) else {
             return;
         };
         let mut block = |out: usize, blocked| {
-            if let Some(motor) = motors.get_mut(out).and_then(Option::as_mut) {
+            if let Some(motor) = body.motors.get_mut(out).and_then(Option::as_mut) {
                 motor.block(blocked);
             }
         };
@@ -346,7 +317,7 @@ impl Rig {
             errors.gyro_scale + errors.gyro_scale_sd * build.normal(),
             errors.gyro_drift_dps,
         );
-        let nominal = metres_per_radian(model.wheel_circumference_m);
+        let nominal = model.wheel_circumference_m / (2.0 * PI);
         let wheel = |error: f64, inverted: bool, chance: &mut Chance| {
             let size = nominal * (1.0 + error + errors.wheel_sd * chance.normal()).max(0.1);
             if inverted { -size } else { size }
@@ -416,29 +387,18 @@ impl Rig {
     }
 
     /// Turns the shafts, and the head within its gears' play.
-    fn settle(&mut self, motors: &mut [Option<Motor>; 4], model: &RobotModel, step_s: f64) {
-        for (motor, kind) in motors.iter_mut().zip(model.plug.motors) {
+    fn settle(&mut self, body: &mut Body, model: &RobotModel, step_s: f64) {
+        for (motor, kind) in body.motors.iter_mut().zip(model.plug.motors) {
             let Some(motor) = motor else { continue };
             motor.turn(step_s);
             stop_at_ends(motor, kind);
         }
-        let head = model.head.and_then(|out| motors.get(out)?.as_ref());
-        if let Some(motor) = head {
+        if let Some(motor) = model.head.and_then(|out| body.motor(out)) {
             let driven_rad = motor.angle_rad * model.head_ratio;
             let play_rad = radians(model.errors.head_play_deg) / 2.0;
             self.head_rad = self.head_rad.clamp(driven_rad - play_rad, driven_rad + play_rad);
         }
     }
-}
-
-fn motors(model: &RobotModel) -> [Option<Motor>; 4] {
-    let mut motors = [None; 4];
-    for (out, (slot, kind)) in motors.iter_mut().zip(model.plug.motors).enumerate() {
-        let (load, friction) =
-            if model.head == Some(out) { (HEAD_LOAD_KG_M2, HEAD_FRICTION_NM) } else { (0.0, 0.0) };
-        *slot = kind.map(|kind| Motor::new(MotorConstants::of(kind), load, friction));
-    }
-    motors
 }
 
 /// Edges for a radian of the shaft. Linear actuators do 24 counts (48 edges) a second where the

@@ -192,7 +192,7 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         writeln!(out, "## {title}\n\n{message}\n").unwrap();
     }
     let mut anywhere = shipped();
-    anywhere.left.port = None;
+    anywhere.drive.left.port = None;
     let message = ready(&shipped_brick().tree(), &anywhere).unwrap_err();
     writeln!(out, "## a role without a port, and several that fit\n\n{message}\n").unwrap();
     for (title, why) in [

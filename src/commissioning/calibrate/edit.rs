@@ -210,10 +210,10 @@ mod tests {
             let (before, _) = RobotConfig::load("before", gapped.as_bytes()).unwrap();
             let (mut after, _) = RobotConfig::load("after", text.as_bytes())
                 .map_err(|findings| TestCaseError::fail(findings.to_string()))?;
-            prop_assert!((after.wheel_circumference_m - circumference_m).abs() <= 0.5e-6);
-            prop_assert!((after.track_width_m - track_m).abs() <= 0.5e-6);
-            after.wheel_circumference_m = before.wheel_circumference_m;
-            after.track_width_m = before.track_width_m;
+            prop_assert!((after.drive.wheel_circumference_m - circumference_m).abs() <= 0.5e-6);
+            prop_assert!((after.drive.track_width_m - track_m).abs() <= 0.5e-6);
+            after.drive.wheel_circumference_m = before.drive.wheel_circumference_m;
+            after.drive.track_width_m = before.drive.track_width_m;
             prop_assert_eq!(after, before);
             let comments = |text: &str| text.matches('#').count();
             prop_assert_eq!(comments(&text), comments(&gapped));

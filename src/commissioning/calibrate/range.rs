@@ -17,7 +17,6 @@
 
 use std::f64::consts::PI;
 
-use crate::commissioning::Dialogue;
 use crate::mapping::OwnEchoes;
 use crate::senses::Role;
 use crate::units::{degrees, radians, rounded_to};
@@ -46,10 +45,9 @@ const SPIN_RAD_S: f64 = PI / 3.0;
 /// Drives back and forth before a wall whose distance a person has measured: bias and scale.
 pub(super) fn bias_and_scale(
     stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
     pairs: Option<u32>,
 ) -> Result<[Measured; 2], CalibrateError> {
-    dialogue.agree(
+    stage.dialogue.agree(
         "Put the robot half a metre before a plain wall, square to it, its head straight ahead, \
          with a metre of floor behind it; have a measuring tape at hand. It will drive to the wall \
          and wait there. Is it ready?",
@@ -62,7 +60,7 @@ pub(super) fn bias_and_scale(
         .map_or((0.0, 0.0, 1.0), |range| (range.ahead_m, range.bias_m, range.scale));
     let range_m = straight::to_the_wall(stage)?;
     let from = stage.rest()?;
-    let axle_m = dialogue.number(
+    let axle_m = stage.dialogue.number(
         "How far is the wall from the middle between the wheels, in metres, to the millimetre \
          (such as 0.254)?",
         rounded_to(range_m.min(NEAR_M) + ahead_m, 1000.0),
@@ -95,17 +93,14 @@ pub(super) fn bias_and_scale(
 
 /// Looks round three times, a third of a turn apart: what stays where it is belongs to the robot.
 /// Angles of the head from and to, degrees, and the reading there, metres.
-pub(super) fn own_echoes(
-    stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
-) -> Result<Vec<[f64; 3]>, CalibrateError> {
+pub(super) fn own_echoes(stage: &mut Stage<'_>) -> Result<Vec<[f64; 3]>, CalibrateError> {
     let Some(limit_rad) = stage.config().head.as_ref().map(|head| head.limit_rad) else {
         return Err(CalibrateError::NoHead);
     };
     if !stage.config().has(Role::Range) {
         return Err(CalibrateError::NoRange);
     }
-    dialogue.agree(
+    stage.dialogue.agree(
         "The head will look round three times, and the robot will turn on the spot between. Is \
          nothing within 40 cm of it?",
     )?;
@@ -124,13 +119,13 @@ pub(super) fn own_echoes(
         return Err(CalibrateError::NoRoom { at_m: ROOM_M });
     }
     for [from_deg, to_deg, range_m] in &own {
-        dialogue.say(&format!(
+        stage.dialogue.say(&format!(
             "the sensor hears the robot itself from {from_deg:.0} to {to_deg:.0} degrees of the \
              head, at {range_m:.3} m"
         ));
     }
     if own.is_empty() {
-        dialogue.say("the sensor does not hear the robot itself");
+        stage.dialogue.say("the sensor does not hear the robot itself");
     }
     Ok(own)
 }

@@ -35,10 +35,10 @@ const LOOK_RAD: f64 = 0.035;
 /// The range sensor has a new reading after this, nanoseconds: two of its periods.
 const READ_NS: i64 = 220 * MILLISECOND_NS;
 
-/// The robot, ready to be measured. Dropping it stops its motors.
-#[derive(Debug)]
+/// The robot, ready to be measured, and the person beside it. Dropping it stops its motors.
 pub(super) struct Stage<'s> {
     robot: Robot,
+    pub(super) dialogue: &'s mut dyn Dialogue,
     /// Ours besides the robot's own, because only here Enter may mean something else than stop.
     buttons: Option<Buttons>,
     clock: &'s dyn Clock,
@@ -84,10 +84,21 @@ impl<'s> Stage<'s> {
         tree: &Arc<dyn Tree>,
         clock: &'s dyn Clock,
         flags: &'s StopFlags,
+        dialogue: &'s mut dyn Dialogue,
     ) -> Self {
         let buttons = Buttons::open(tree, Platform::of(tree)).ok();
         let (start_ns, senses) = (clock.now_ns(), Senses::default());
-        Self { robot, buttons, clock, flags, start_ns, senses, marking: false, entered: false }
+        Self {
+            robot,
+            dialogue,
+            buttons,
+            clock,
+            flags,
+            start_ns,
+            senses,
+            marking: false,
+            entered: false,
+        }
     }
 
     pub(super) fn config(&self) -> &RobotConfig {
@@ -123,14 +134,13 @@ impl<'s> Stage<'s> {
         &mut self,
         drive: Drive,
         limit: Limit,
-        dialogue: &mut dyn Dialogue,
     ) -> Result<Ended, CalibrateError> {
         self.forget_presses();
         // What was pressed before the motion began was no answer to it.
-        dialogue.is_pressed();
+        self.dialogue.is_pressed();
         self.marking = true;
         let ended =
-            self.motion(drive, limit, &mut |stage, _| dialogue.is_pressed() || stage.entered);
+            self.motion(drive, limit, &mut |stage, _| stage.dialogue.is_pressed() || stage.entered);
         self.marking = false;
         self.robot.stop(StopAction::Brake);
         ended
@@ -200,7 +210,7 @@ impl<'s> Stage<'s> {
         &mut self,
         drive: Drive,
         limit: Limit,
-        done: &mut dyn FnMut(&Self, &Standing) -> bool,
+        done: &mut dyn FnMut(&mut Self, &Standing) -> bool,
     ) -> Result<Ended, CalibrateError> {
         let from = self.look()?;
         let begin_ns = self.clock.now_ns();

@@ -3,7 +3,6 @@
 use std::f64::consts::PI;
 
 use crate::behavior::Drive;
-use crate::commissioning::Dialogue;
 use crate::senses::{Channel, Senses};
 
 use super::CalibrateError;
@@ -43,14 +42,13 @@ const METRE_M: f64 = 1.0;
 /// Drives back and forth before a wall; each leg is a measurement.
 pub(super) fn by_wall(
     stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
     pairs: Option<u32>,
 ) -> Result<Measured, CalibrateError> {
-    dialogue.agree(
+    stage.dialogue.agree(
         "Put the robot half a metre before a plain wall, square to it, its head straight ahead, \
          with a metre of floor behind it. It will drive back and forth. Is it ready?",
     )?;
-    let before_m = stage.config().wheel_circumference_m;
+    let before_m = stage.config().drive.wheel_circumference_m;
     // What the sensor says for a metre, by the file.
     let scale = stage.config().range.as_ref().map_or(1.0, |range| range.scale);
     to_the_wall(stage)?;
@@ -122,7 +120,7 @@ fn forward(way: f64) -> Drive {
 fn limit(stage: &Stage<'_>, length_m: f64) -> Limit {
     let metres_per_rad = stage.config().metres_per_rad();
     // A low limit of max_dps makes it slower than asked.
-    let speed_m_s = SPEED_M_S.min(stage.config().max_wheel_rad_s * metres_per_rad);
+    let speed_m_s = SPEED_M_S.min(stage.config().drive.max_wheel_rad_s * metres_per_rad);
     Limit {
         wheel_rad: (length_m + 0.05) * SLACK / metres_per_rad,
         time_s: 2.0 + (length_m + 0.05) * 2.0 * SLACK / speed_m_s,
@@ -172,29 +170,24 @@ impl Echoes {
 /// Drives about a metre, ahead and back; the person measures each time.
 pub(super) fn by_metre(
     stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
     pairs: Option<u32>,
 ) -> Result<Measured, CalibrateError> {
-    dialogue.agree(
+    stage.dialogue.agree(
         "The robot will drive about a metre, ahead and back, several times; have a measuring tape \
          at hand. Does it have a metre and a half of floor ahead?",
     )?;
-    let before_m = stage.config().wheel_circumference_m;
+    let before_m = stage.config().drive.wheel_circumference_m;
     let (mut ahead, mut back) = (Vec::new(), Vec::new());
     for _ in 0..pairs.unwrap_or(2) {
-        ahead.push(metre(stage, dialogue, 1.0)?);
-        back.push(metre(stage, dialogue, -1.0)?);
+        ahead.push(metre(stage, 1.0)?);
+        back.push(metre(stage, -1.0)?);
     }
     Ok(Measured::of(before_m, [&ahead, &back]))
 }
 
-fn metre(
-    stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
-    way: f64,
-) -> Result<f64, CalibrateError> {
+fn metre(stage: &mut Stage<'_>, way: f64) -> Result<f64, CalibrateError> {
     let direction = if way > 0.0 { "ahead" } else { "back" };
-    dialogue.agree(&format!(
+    stage.dialogue.agree(&format!(
         "Mark on the floor where one of the wheels stands. Drive about a metre {direction} now?"
     ))?;
     let metres_per_rad = stage.config().metres_per_rad();
@@ -203,7 +196,7 @@ fn metre(
         from.rolled_rad(now).abs() * metres_per_rad >= METRE_M
     })?;
     let wheel_rad = from.rolled_rad(&stage.rest()?).abs();
-    let came_m = dialogue.number(
+    let came_m = stage.dialogue.number(
         "How far did that wheel come from its mark, in metres, to the millimetre (such as 0.987)?",
         METRE_M,
         0.05..=5.0,

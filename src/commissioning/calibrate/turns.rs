@@ -3,7 +3,6 @@
 use std::f64::consts::PI;
 
 use crate::behavior::Drive;
-use crate::commissioning::Dialogue;
 use crate::mapping::whole_turn::WholeTurns;
 use crate::senses::Channel;
 use crate::units::{degrees, radians};
@@ -50,16 +49,15 @@ const STEPS: u32 = 60;
 /// Spins in both directions; the track width, and the gyro's scale where turns were marked.
 pub(super) fn track_width(
     stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
     options: &CalibrateOptions,
     circumference_m: f64,
 ) -> Result<(Measured, Option<f64>), CalibrateError> {
-    let before_m = stage.config().track_width_m;
+    let before_m = stage.config().drive.track_width_m;
     if !stage.has_gyro() {
         if options.mark == Some(false) {
             return Err(CalibrateError::NoGyro);
         }
-        let spins = marked_spins(stage, dialogue, options.pairs.unwrap_or(2))?;
+        let spins = marked_spins(stage, options.pairs.unwrap_or(2))?;
         let [left, right] = spins.map(|spins| {
             spins
                 .iter()
@@ -68,7 +66,7 @@ pub(super) fn track_width(
         });
         return Ok((Measured::of(before_m, [&left, &right]), None));
     }
-    dialogue.agree(
+    stage.dialogue.agree(
         "The robot will now spin on the spot, to the left and to the right. Does it have a hand's \
          width of space all around?",
     )?;
@@ -84,31 +82,33 @@ pub(super) fn track_width(
         .map(|(before, [left, right])| Measured::of(before, [left, right]));
     let is_clear = scale.doubt.is_none() && scale.standard_error < CLEAR;
     if is_clear && options.mark != Some(true) {
-        say_scale(dialogue, scale.after, "by what the range sensor hears again");
+        say_scale(stage, scale.after, "by what the range sensor hears again");
         return Ok((measured.scaled(scale.after, scale.standard_error), Some(scale.after)));
     }
-    if !is_marked(dialogue, options)? {
+    if !is_marked(stage, options)? {
         let measured = measured.scaled(stage.config().gyro_scale, 0.0);
         return Ok((Measured { unseen: GYRO_UNSEEN, ..measured }, None));
     }
-    let [left, right] = marked_spins(stage, dialogue, 1)?;
+    let [left, right] = marked_spins(stage, 1)?;
     let scales: Vec<f64> =
         left.iter().chain(&right).map(|spin| spin.gyro_rad() / marked_rad(spin)).collect();
     let [a, b] = [scales.first(), scales.last()].map(|scale| scale.copied().unwrap_or(f64::NAN));
     let scale = f64::midpoint(a, b);
-    say_scale(dialogue, scale, "by your marks");
+    say_scale(stage, scale, "by your marks");
     // Of two values, half their distance is the mean's standard error.
     Ok((measured.scaled(scale, ((a - b) / 2.0 / scale).abs()), Some(scale)))
 }
 
-fn say_scale(dialogue: &mut dyn Dialogue, scale: f64, by: &str) {
-    dialogue.say(&format!("The gyro says {:.1} degrees for a whole turn, {by}.", 360.0 * scale));
+fn say_scale(stage: &mut Stage<'_>, scale: f64, by: &str) {
+    stage
+        .dialogue
+        .say(&format!("The gyro says {:.1} degrees for a whole turn, {by}.", 360.0 * scale));
 }
 
-fn is_marked(dialogue: &mut dyn Dialogue, options: &CalibrateOptions) -> Result<bool, NoAnswer> {
+fn is_marked(stage: &mut Stage<'_>, options: &CalibrateOptions) -> Result<bool, NoAnswer> {
     match options.mark {
         Some(mark) => Ok(mark),
-        None => dialogue.confirm(
+        None => stage.dialogue.confirm(
             "A gyro counts 1 to 4 % too much or too little, and only your eyes can tell. Mark two \
              spins by a line on the floor?",
         ),
@@ -161,7 +161,8 @@ fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<(Spin, WholeTurns), C
     let spin = Spin { from, to, way };
     if ended == Ended::Limit {
         let config = stage.config();
-        let wheels_rad = width_m(&spin, config.wheel_circumference_m, config.track_width_m);
+        let wheels_rad =
+            width_m(&spin, config.drive.wheel_circumference_m, config.drive.track_width_m);
         return Err(CalibrateError::TooFar(format!(
             "the wheels say {:.0} degrees, the gyro {:.0}: are the wheels on the floor, is the \
              gyro fixed to the robot, flat, and its port right in robot.toml?",
@@ -173,56 +174,44 @@ fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<(Spin, WholeTurns), C
 }
 
 /// Spins that a person marks, in both directions.
-fn marked_spins(
-    stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
-    pairs: u32,
-) -> Result<[Vec<Spin>; 2], CalibrateError> {
+fn marked_spins(stage: &mut Stage<'_>, pairs: u32) -> Result<[Vec<Spin>; 2], CalibrateError> {
     let (mut left, mut right) = (Vec::new(), Vec::new());
     for _ in 0..pairs {
-        left.push(marked_spin(stage, dialogue, 1.0)?);
-        right.push(marked_spin(stage, dialogue, -1.0)?);
+        left.push(marked_spin(stage, 1.0)?);
+        right.push(marked_spin(stage, -1.0)?);
     }
     Ok([left, right])
 }
 
-fn marked_spin(
-    stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
-    way: f64,
-) -> Result<Spin, CalibrateError> {
+fn marked_spin(stage: &mut Stage<'_>, way: f64) -> Result<Spin, CalibrateError> {
     let side = if way > 0.0 { "left" } else { "right" };
-    dialogue.agree(&format!(
+    stage.dialogue.agree(&format!(
         "Put the robot exactly along a line on the floor. It will spin {MARKED_TURNS} whole turns \
          to the {side}, slowly at the end: press Enter when it stands along the line again. Ready?"
     ))?;
     let from = stage.rest()?;
     let marked_rad = MARKED_TURNS * 2.0 * PI;
     turn(stage, way * SPIN_RAD_S, FAST_SHARE * marked_rad)?;
-    dialogue.say("Now slowly: press Enter when it stands along the line.");
+    stage.dialogue.say("Now slowly: press Enter when it stands along the line.");
     // Both parts together are one and a half times the way, and no more.
     let slow = limit(stage, (SLACK - FAST_SHARE) * marked_rad / SLACK, CREEP_RAD_S);
-    if stage.drive_until_pressed(spinning(way * CREEP_RAD_S), slow, dialogue)? == Ended::Limit {
+    if stage.drive_until_pressed(spinning(way * CREEP_RAD_S), slow)? == Ended::Limit {
         return Err(CalibrateError::TooFar(
             "Enter was not pressed within one and a half times the way: start again and watch \
              the line"
                 .to_owned(),
         ));
     }
-    align(stage, dialogue, way)?;
+    align(stage, way)?;
     Ok(Spin { from, to: stage.rest()?, way })
 }
 
 /// Step by step to the line, because no person presses a button at the exact moment.
-fn align(
-    stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
-    way: f64,
-) -> Result<(), CalibrateError> {
+fn align(stage: &mut Stage<'_>, way: f64) -> Result<(), CalibrateError> {
     for _ in 0..STEPS {
         let answers =
             ["yes, exactly", "it must turn a little further", "it must turn back a little"];
-        match dialogue.choose("Does it stand along the line?", &answers, 0)? {
+        match stage.dialogue.choose("Does it stand along the line?", &answers, 0)? {
             0 => return Ok(()),
             1 => turn(stage, way * CREEP_RAD_S, STEP_RAD)?,
             _ => turn(stage, -way * CREEP_RAD_S, STEP_RAD)?,
@@ -239,7 +228,7 @@ pub(super) fn turn(
 ) -> Result<Ended, CalibrateError> {
     let from = stage.rest()?;
     let (track_m, circumference_m) =
-        (stage.config().track_width_m, stage.config().wheel_circumference_m);
+        (stage.config().drive.track_width_m, stage.config().drive.wheel_circumference_m);
     let limit = limit(stage, angle_rad, turn_rad_s.abs());
     stage.drive(spinning(turn_rad_s), limit, |now, _| {
         (circumference_m * from.apart_rad(now) / (2.0 * PI * track_m)).abs() >= angle_rad
@@ -252,9 +241,9 @@ fn spinning(turn_rad_s: f64) -> Drive {
 
 fn limit(stage: &Stage<'_>, angle_rad: f64, speed_rad_s: f64) -> Limit {
     let config = stage.config();
-    let wheel_rad_per_rad = PI * config.track_width_m / config.wheel_circumference_m;
+    let wheel_rad_per_rad = PI * config.drive.track_width_m / config.drive.wheel_circumference_m;
     // A low limit of max_dps makes it slower than asked.
-    let speed_rad_s = speed_rad_s.min(config.max_wheel_rad_s / wheel_rad_per_rad);
+    let speed_rad_s = speed_rad_s.min(config.drive.max_wheel_rad_s / wheel_rad_per_rad);
     let angle_rad = angle_rad * SLACK + radians(5.0);
     Limit { wheel_rad: angle_rad * wheel_rad_per_rad, time_s: 2.0 + 2.0 * angle_rad / speed_rad_s }
 }

@@ -5,19 +5,18 @@ use crate::robot::{BatteryConfig, BatteryLimits, StopButton, stop_button_answers
 use crate::runtime::{HardwareLock, LockError};
 use crate::units::counted;
 
-use super::{Diagnosis, Examination, with_causes};
+use super::{Examination, Report, with_causes};
 
 /// What to do about EACCES on buttons and speaker.
 const INPUT_GROUP: &str = "sudo usermod -aG input USER, then log in again";
 
-pub(super) fn tree(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+pub(super) fn tree(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     let root = examination.patient.tree.root().display();
     match Inventory::read(examination.patient.tree) {
-        Err(error) => diagnosis.fail("brick", with_causes(&error), "onbrick devices shows more"),
+        Err(error) => report.fail(with_causes(&error), "onbrick devices shows more"),
         Ok(inventory) if inventory.is_empty() => {
             examination.has_brick = false;
-            diagnosis.fail(
-                "brick",
+            report.fail(
                 format!("there is none below {root}: no device classes of ev3dev"),
                 "run this on the brick, or give --brick the folder where one is mounted",
             );
@@ -26,38 +25,34 @@ pub(super) fn tree(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
             let devices = inventory.devices.iter().filter(|entry| entry.class != "lego-port");
             let what = examination.platform.what;
             let devices = counted(devices.count(), "device");
-            diagnosis.ok("brick", format!("{what}, {devices} below {root}"));
+            report.ok(format!("{what}, {devices} below {root}"));
         }
     }
 }
 
 /// Takes the hardware for the time of the examination, where it is to be had.
-pub(super) fn lock(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+pub(super) fn lock(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     let Some(root) = examination.patient.root else {
         examination.is_free = true;
-        return diagnosis.ok("lock", "not needed: this brick is inside the program");
+        return report.ok("not needed: this brick is inside the program");
     };
     match HardwareLock::take(root, "onbrick doctor") {
         Ok(lock) => {
             examination.is_free = true;
             examination._lock = Some(lock);
-            diagnosis.ok("lock", "no other program drives");
+            report.ok("no other program drives");
         }
         Err(error @ LockError::Taken(_)) => {
-            diagnosis.fail("lock", error.to_string(), "wait until it is done, or onbrick halt");
+            report.fail(error.to_string(), "wait until it is done, or onbrick halt");
         }
         Err(error) => {
-            diagnosis.fail(
-                "lock",
-                with_causes(&error),
-                "make its folder writable, or remove the file as root",
-            );
+            report
+                .fail(with_causes(&error), "make its folder writable, or remove the file as root");
         }
     }
 }
 
-pub(super) fn battery(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
-    const CHECK: &str = "battery";
+pub(super) fn battery(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     let config =
         examination.config.as_ref().map_or_else(BatteryConfig::default, |config| config.battery);
     let most_v = examination.platform.most_v;
@@ -66,31 +61,24 @@ pub(super) fn battery(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
         let cells = battery.technology().unwrap_or_default();
         Ok((volts, config.on(cells, examination.platform).limits()))
     });
-    match read {
-        Ok((volts, BatteryLimits { slow_v, .. })) if !(slow_v..=most_v).contains(&volts) => {
-            diagnosis.fail(
-                CHECK,
-                format!("{volts:.2} V"),
-                &format!("charge it, or put in fresh cells; a run needs at least {slow_v:.1} V"),
-            )
-        }
-        Ok((volts, BatteryLimits { warn_v, .. })) if volts < warn_v => {
-            diagnosis.warn(
-                CHECK,
-                format!("{volts:.2} V is low"),
-                "charge it soon, or have fresh cells ready",
-            );
-        }
-        Ok((volts, _)) => diagnosis.ok(CHECK, format!("{volts:.2} V")),
+    let (volts, BatteryLimits { warn_v, slow_v, .. }) = match read {
+        Ok(read) => read,
         Err(error) => {
-            diagnosis.warn(CHECK, with_causes(&error), "a run goes without, and cannot warn of it")
+            return report.warn(with_causes(&error), "a run goes without, and cannot warn of it");
         }
+    };
+    if !(slow_v..=most_v).contains(&volts) {
+        let to_do = format!("charge it, or put in fresh cells; a run needs at least {slow_v:.1} V");
+        report.fail(format!("{volts:.2} V"), &to_do);
+    } else if volts < warn_v {
+        report.warn(format!("{volts:.2} V is low"), "charge it soon, or have fresh cells ready");
+    } else {
+        report.ok(format!("{volts:.2} V"));
     }
 }
 
 /// A run that a person beside the robot cannot stop may never happen, so this is no warning.
-pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
-    const CHECK: &str = "buttons";
+pub(super) fn buttons(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     let Examination { patient, platform, config, .. } = &*examination;
     let own = config.as_ref().and_then(|config| config.stop_button.as_ref());
     if let Some(button) = own {
@@ -100,28 +88,27 @@ pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
         };
         let to_do = "[stop_button] of robot.toml names what is there";
         return match stop_button_answers(patient.tree, button) {
-            Ok(()) => diagnosis.ok(CHECK, what),
-            Err(error) => diagnosis.fail(CHECK, with_causes(&error), to_do),
+            Ok(()) => report.ok(what),
+            Err(error) => report.fail(with_causes(&error), to_do),
         };
     }
     if platform.buttons.is_none() {
         let found = format!("{} has none, and a run is refused without", platform.one());
         let to_do = "a touch sensor as [stop_button] in robot.toml, or --no-button each time";
-        return diagnosis.fail(CHECK, found, to_do);
+        return report.fail(found, to_do);
     }
     let opened = Buttons::open(examination.patient.tree, examination.platform);
     let looked = opened.and_then(|mut buttons| buttons.changes().map(|_| buttons.held()));
     match looked {
         Ok(held) if held.stops() => {
-            diagnosis.warn(CHECK, "Enter or Back is held down", "let go of it: it stops a run");
+            report.warn("Enter or Back is held down", "let go of it: it stops a run");
         }
         Ok(_) => {
             let verb = if platform.stop_buttons.contains(' ') { "stop" } else { "stops" };
-            diagnosis.ok(CHECK, format!("{} {verb} a run", platform.stop_buttons));
+            report.ok(format!("{} {verb} a run", platform.stop_buttons));
         }
         Err(error) => {
-            diagnosis.fail(
-                CHECK,
+            report.fail(
                 format!("a run could not be stopped by hand: {}", with_causes(&error)),
                 advice(&error),
             );
@@ -129,30 +116,28 @@ pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
     }
 }
 
-pub(super) fn lights(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+pub(super) fn lights(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     if examination.platform.lights.iter().all(|lamps| lamps.is_empty()) {
-        return diagnosis.ok("lights", format!("{} has none", examination.platform.one()));
+        return report.ok(format!("{} has none", examination.platform.one()));
     }
     match StatusLights::open(examination.patient.tree, examination.platform)
         .and_then(|lights| lights.check_writable())
     {
-        Ok(()) => diagnosis.ok("lights", "they can be switched"),
-        Err(error) => diagnosis.warn(
-            "lights",
+        Ok(()) => report.ok("they can be switched"),
+        Err(error) => report.warn(
             with_causes(&error),
             "a run goes without light signals; sudo usermod -aG ev3dev USER where access is denied",
         ),
     }
 }
 
-pub(super) fn speaker(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+pub(super) fn speaker(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     if examination.platform.speaker.is_none() {
-        return diagnosis.ok("speaker", format!("none is known on {}", examination.platform.one()));
+        return report.ok(format!("none is known on {}", examination.platform.one()));
     }
     match Sound::open(examination.patient.tree, examination.platform) {
-        Ok(_) => diagnosis.ok("speaker", "it can be heard"),
-        Err(error) => diagnosis.warn(
-            "speaker",
+        Ok(_) => report.ok("it can be heard"),
+        Err(error) => report.warn(
             format!("a run starts without its beeps: {}", with_causes(&error)),
             advice(&error),
         ),

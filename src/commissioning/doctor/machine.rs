@@ -10,7 +10,7 @@ use crate::behavior::Capabilities;
 use crate::clock::{wrong_year, year};
 use crate::document::read_bounded;
 
-use super::{Diagnosis, Examination, Verdict, with_causes};
+use super::{Examination, Report, Verdict, with_causes};
 use crate::recording::free_bytes;
 use crate::runtime::{Source, groups};
 
@@ -27,15 +27,14 @@ const LEAST_BYTES: u64 = 20 << 20;
 /// With less than this it is time to clear up.
 const FEW_BYTES: u64 = 200 << 20;
 
-pub(super) fn groups(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
-    const CHECK: &str = "groups";
+pub(super) fn groups(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     let is_this_machine =
         examination.patient.tree.local_path("").is_some_and(|path| path == Path::new("/"));
     if !is_this_machine {
-        return diagnosis.ok(CHECK, "not needed: this brick is not the machine itself");
+        return report.ok("not needed: this brick is not the machine itself");
     }
     if geteuid().is_root() {
-        return diagnosis.ok(CHECK, "root may do everything");
+        return report.ok("root may do everything");
     }
     let mine: Vec<Gid> = getgroups().unwrap_or_default();
     let mut all = true;
@@ -44,8 +43,7 @@ pub(super) fn groups(examination: &mut Examination<'_>, diagnosis: &mut Diagnosi
         if !group.is_some_and(|group| mine.contains(&group)) {
             all = false;
             let to_do = format!("sudo usermod -aG {name} USER, then log in again");
-            diagnosis.add(
-                CHECK,
+            report.add(
                 verdict,
                 format!("you are not in the group {name}: no {what}"),
                 Some(&to_do),
@@ -53,13 +51,12 @@ pub(super) fn groups(examination: &mut Examination<'_>, diagnosis: &mut Diagnosi
         }
     }
     if all {
-        diagnosis.ok(CHECK, "ev3dev, input and video");
+        report.ok("ev3dev, input and video");
     }
 }
 
 /// The folder itself, or the nearest of its parents that is there: a run makes the rest.
-pub(super) fn disk(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
-    const CHECK: &str = "disk";
+pub(super) fn disk(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     let wanted = examination.patient.recordings;
     let here = Path::new(".");
     let folder = wanted
@@ -68,8 +65,7 @@ pub(super) fn disk(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
         .find(|folder| folder.exists())
         .unwrap_or(here);
     if let Err(error) = try_to_write(folder) {
-        return diagnosis.fail(
-            CHECK,
+        return report.fail(
             format!("recordings cannot be written to {}: {error}", wanted.display()),
             "another folder, or chown and chmod this one",
         );
@@ -77,16 +73,16 @@ pub(super) fn disk(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
     let free = match free_bytes(folder) {
         Ok(free) => free,
         Err(errno) => {
-            return diagnosis.warn(CHECK, errno.to_string(), "look how full it is with df");
+            return report.warn(errno.to_string(), "look how full it is with df");
         }
     };
     let found = format!("{} MB free for recordings in {}", free >> 20, wanted.display());
     if free < LEAST_BYTES {
-        diagnosis.fail(CHECK, found, "delete runs that are fetched");
+        report.fail(found, "delete runs that are fetched");
     } else if free < FEW_BYTES {
-        diagnosis.warn(CHECK, found, "delete runs that are fetched");
+        report.warn(found, "delete runs that are fetched");
     } else {
-        diagnosis.ok(CHECK, found);
+        report.ok(found);
     }
 }
 
@@ -99,34 +95,27 @@ fn try_to_write(folder: &Path) -> std::io::Result<()> {
     written.and(removed)
 }
 
-pub(super) fn clock(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+pub(super) fn clock(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     let wall_ns = examination.patient.wall_ns;
     match wrong_year(wall_ns) {
-        Some((found, way_out)) => diagnosis.warn("clock", found, way_out),
-        None => diagnosis.ok("clock", format!("it is {}", year(wall_ns))),
+        Some((found, way_out)) => report.warn(found, way_out),
+        None => report.ok(format!("it is {}", year(wall_ns))),
     }
 }
 
-pub(super) fn priority(_examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
-    const CHECK: &str = "priority";
+pub(super) fn priority(_examination: &mut Examination<'_>, report: &mut Report<'_>) {
     match getrlimit(Resource::RLIMIT_RTPRIO) {
-        _ if geteuid().is_root() => diagnosis.ok(CHECK, "root may have real-time priority"),
-        Ok((soft, _)) if soft > 0 => {
-            diagnosis.ok(CHECK, format!("real-time priority up to {soft}"))
-        }
-        Ok(_) => diagnosis.warn(
-            CHECK,
+        _ if geteuid().is_root() => report.ok("root may have real-time priority"),
+        Ok((soft, _)) if soft > 0 => report.ok(format!("real-time priority up to {soft}")),
+        Ok(_) => report.warn(
             "no real-time priority: ticks come late while the brick is busy",
             "a line `USER - rtprio 50` in /etc/security/limits.conf, then log in again",
         ),
-        Err(errno) => {
-            diagnosis.warn(CHECK, errno.to_string(), "a run goes without real-time priority")
-        }
+        Err(errno) => report.warn(errno.to_string(), "a run goes without real-time priority"),
     }
 }
 
-pub(super) fn missions(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
-    const CHECK: &str = "missions";
+pub(super) fn missions(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     let Some(folder) = examination.patient.missions else { return };
     let capabilities = examination
         .config
@@ -136,14 +125,14 @@ pub(super) fn missions(examination: &mut Examination<'_>, diagnosis: &mut Diagno
         Ok(files) => files,
         Err(error) => {
             let found = format!("cannot look into {}: {error}", folder.display());
-            return diagnosis.fail(CHECK, found, "the folder with the mission files");
+            return report.fail(found, "the folder with the mission files");
         }
     };
     if files.is_empty() {
-        diagnosis.warn(CHECK, format!("none in {}", folder.display()), "onbrick new mission FILE");
+        report.warn(format!("none in {}", folder.display()), "onbrick new mission FILE");
     }
     for file in files {
-        mission(&file, &capabilities, diagnosis);
+        mission(&file, &capabilities, &mut report.of("mission"));
     }
 }
 
@@ -156,16 +145,14 @@ fn mission_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) {
-    const CHECK: &str = "mission";
+fn mission(file: &Path, capabilities: &Capabilities, report: &mut Report<'_>) {
     let name = file
         .file_name()
         .map_or_else(|| file.display().to_string(), |name| name.to_string_lossy().into_owned());
     let bytes = match read_bounded(file) {
         Ok(bytes) => bytes,
         Err(error) => {
-            return diagnosis.fail(
-                CHECK,
+            return report.fail(
                 format!("{name}: {}", with_causes(&error)),
                 "a mission is a file that you may read",
             );
@@ -173,9 +160,7 @@ fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) 
     };
     let source = Source::of(&name, &bytes).map(|source| source.with_submachines(file.parent()));
     match source.and_then(|source| source.mission(capabilities)) {
-        Ok((mission, _)) => {
-            diagnosis.ok(CHECK, format!("{name}: \"{}\" is in order", mission.name()))
-        }
+        Ok((mission, _)) => report.ok(format!("{name}: \"{}\" is in order", mission.name())),
         Err(findings) => {
             let first = findings.iter().next();
             let found = first.map_or_else(String::new, |first| {
@@ -183,7 +168,7 @@ fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) 
             });
             let to_do =
                 format!("onbrick check {} shows all {}", file.display(), findings.iter().count());
-            diagnosis.fail(CHECK, format!("{name} {found}"), &to_do);
+            report.fail(format!("{name} {found}"), &to_do);
         }
     }
 }

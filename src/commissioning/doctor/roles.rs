@@ -9,7 +9,7 @@ use crate::runtime::GYRO_STILL_RAD;
 use crate::senses::{Role, Unit};
 use crate::units::degrees;
 
-use super::{Diagnosis, Examination, Verdict, with_causes};
+use super::{Examination, Report, Verdict, with_causes};
 
 /// How long sensors are watched, nanoseconds: a gyro that drifts is seen in a second.
 const WATCH_NS: i64 = SECOND_NS;
@@ -21,55 +21,46 @@ const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 /// half a second.
 const SETTLE_NS: i64 = SECOND_NS / 2;
 
-pub(super) fn file(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
-    const CHECK: &str = "robot.toml";
+pub(super) fn file(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     let source = match examination.patient.robot {
         Ok(source) => source,
-        Err((why, to_do)) => return diagnosis.fail(CHECK, why, to_do),
+        Err((why, to_do)) => return report.fail(why, to_do),
     };
     match source.robot() {
         Ok((config, warnings)) => {
             for warning in &warnings {
                 let place = format!("line {}: {}", warning.line, warning.message);
-                diagnosis.warn(
-                    CHECK,
-                    place,
-                    warning.hint.as_deref().unwrap_or("look at this line"),
-                );
+                report.warn(place, warning.hint.as_deref().unwrap_or("look at this line"));
             }
             let is_measured = config.geometry().is_ok_and(|robot| robot.knows_gyro_scale());
             let to_do = (config.has(Role::Gyro) && !is_measured).then_some(
                 "onbrick calibrate measures the gyro: else exploring begins with two spins",
             );
             let found = format!("{} describes \"{}\"", source.name, config.name);
-            diagnosis.add(CHECK, Verdict::Ok, found, to_do);
+            report.add(Verdict::Ok, found, to_do);
             examination.config = Some(config);
         }
         Err(findings) => {
             for finding in &findings {
                 let found = format!("{} line {}: {}", finding.file, finding.line, finding.message);
-                diagnosis.fail(
-                    CHECK,
-                    found,
-                    finding.hint.as_deref().unwrap_or("correct this line"),
-                );
+                report.fail(found, finding.hint.as_deref().unwrap_or("correct this line"));
             }
         }
     }
 }
 
 /// Nothing is written to a motor: its command is opened for writing and closed again.
-pub(super) fn motors(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+pub(super) fn motors(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     let Some(config) = &examination.config else { return };
     for WantedMotor { section, motor, .. } in config.motor_roles() {
-        examine_motor(examination.patient.tree, &section, motor, diagnosis);
+        examine_motor(examination.patient.tree, motor, &mut report.of(&section));
     }
 }
 
-fn examine_motor(tree: &Arc<dyn Tree>, role: &str, wanted: &MotorRole, diagnosis: &mut Diagnosis) {
+fn examine_motor(tree: &Arc<dyn Tree>, wanted: &MotorRole, report: &mut Report<'_>) {
     let motor = match TachoMotor::find(tree, wanted.port.as_ref(), None) {
         Ok(motor) => motor,
-        Err(error) => return diagnosis.fail(role, with_causes(&error), PLUG_IN),
+        Err(error) => return report.fail(with_causes(&error), PLUG_IN),
     };
     let identity = motor.identity();
     let what = format!("{} on {}", identity.driver, identity.address.short());
@@ -77,40 +68,34 @@ fn examine_motor(tree: &Arc<dyn Tree>, role: &str, wanted: &MotorRole, diagnosis
     let (state, position, commands) = match read {
         Ok(read) => read,
         Err(error) => {
-            return diagnosis.fail(role, format!("{what}: {}", with_causes(&error)), PLUG_AGAIN);
+            return report.fail(format!("{what}: {}", with_causes(&error)), PLUG_AGAIN);
         }
     };
     if state.is_driven() {
-        diagnosis.fail(
-            role,
-            format!("{what} is running"),
-            "another program drives it: onbrick halt",
-        );
+        report.fail(format!("{what} is running"), "another program drives it: onbrick halt");
     } else if !commands.contains("run-timed") {
-        diagnosis.fail(
-            role,
+        report.fail(
             format!("{what} has no run-timed"),
             "its driver cannot take leases: another motor",
         );
     } else if let Err(error) = motor.check_writable() {
-        diagnosis.fail(
-            role,
+        report.fail(
             format!("{what}: {}", with_causes(&error)),
             "sudo usermod -aG ev3dev USER, then log in again",
         );
     } else {
-        diagnosis.ok(role, format!("{what}, at {position}"));
+        report.ok(format!("{what}, at {position}"));
     }
 }
 
 /// Puts sensors into their modes if no other program has them, and watches them all for a second.
-pub(super) fn sensors(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+pub(super) fn sensors(examination: &mut Examination<'_>, report: &mut Report<'_>) {
     let Some(config) = &examination.config else { return };
     let tree = examination.patient.tree;
     let may_set = examination.is_free;
     if may_set && let Err(error) = equip(tree, config, examination.patient.clock) {
         let to_do = error.way_out().unwrap_or(PLUG_IN);
-        diagnosis.fail("ports", with_causes(&error), to_do);
+        report.of("ports").fail(with_causes(&error), to_do);
     }
     let mut watched = Vec::new();
     for role in config.sensors.keys() {
@@ -120,9 +105,9 @@ pub(super) fn sensors(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
             Err((found, to_do))
                 if to_do == PLUG_IN && !matches!(role, Role::Range | Role::Gyro) =>
             {
-                diagnosis.warn(&config.section(*role), found, to_do);
+                report.of(&config.section(*role)).warn(found, to_do);
             }
-            Err((found, to_do)) => diagnosis.fail(&config.section(*role), found, to_do),
+            Err((found, to_do)) => report.of(&config.section(*role)).fail(found, to_do),
         }
     }
     let clock = examination.patient.clock;
@@ -135,7 +120,7 @@ pub(super) fn sensors(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
         clock.sleep_ns(LOOK_NS);
     }
     for sensor in &watched {
-        sensor.judge(diagnosis);
+        sensor.judge(&mut report.of(&sensor.name));
     }
 }
 
@@ -185,37 +170,34 @@ impl Watch {
         }
     }
 
-    fn judge(&self, diagnosis: &mut Diagnosis) {
+    fn judge(&self, report: &mut Report<'_>) {
         let identity = self.sensor.identity();
         let what = format!("{} on {}", identity.driver, identity.address.short());
         let role = self.sensor.role();
-        let name = &self.name;
         if let Some(error) = &self.failed {
-            return diagnosis.fail(name, format!("{what}: {}", with_causes(error)), PLUG_AGAIN);
+            return report.fail(format!("{what}: {}", with_causes(error)), PLUG_AGAIN);
         }
         let (Some(first), Some(last)) = (self.values.first(), self.values.last()) else {
-            return diagnosis.fail(name, format!("{what} was not read"), PLUG_AGAIN);
+            return report.fail(format!("{what} was not read"), PLUG_AGAIN);
         };
         let moved = (last - first).abs();
         match role {
-            Role::Gyro if moved > GYRO_STILL_RAD => diagnosis.fail(
-                name,
+            Role::Gyro if moved > GYRO_STILL_RAD => report.fail(
                 format!("{what} drifts, {:.0} degrees in a second", degrees(moved)),
                 "unplug it, hold the robot still, and plug it in again",
             ),
-            Role::Gyro => diagnosis.ok(name, format!("{what}, at rest")),
-            Role::Range if self.values.iter().all(|value| value.is_infinite()) => diagnosis.warn(
-                name,
+            Role::Gyro => report.ok(format!("{what}, at rest")),
+            Role::Range if self.values.iter().all(|value| value.is_infinite()) => report.warn(
                 format!("{what} hears no echo"),
                 "hold a hand 20 cm before it and look again: nearer than 4 cm it hears none either",
             ),
             Role::Touch if *last > 0.5 => {
-                diagnosis.warn(name, format!("{what} is pressed"), "free the bumper before a run");
+                report.warn(format!("{what} is pressed"), "free the bumper before a run");
             }
             _ if self.sensor.lead().quantity().unit == Unit::Metres => {
-                diagnosis.ok(name, format!("{what}, {last:.3} m"));
+                report.ok(format!("{what}, {last:.3} m"));
             }
-            _ => diagnosis.ok(name, format!("{what}, reads {last:.0}")),
+            _ => report.ok(format!("{what}, reads {last:.0}")),
         }
     }
 }

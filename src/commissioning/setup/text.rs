@@ -99,7 +99,7 @@ impl Draft {
             Some((shipped, config))
         });
         let is_like = |(_, config): &(&ShippedRobot, RobotConfig)| {
-            let wheels = [(&self.left, &config.left), (&self.right, &config.right)];
+            let wheels = [(&self.left, &config.drive.left), (&self.right, &config.drive.right)];
             let same_wheels = wheels.into_iter().all(|(mine, its)| {
                 let inverted = its.ratio < 0.0;
                 mine.as_ref().is_some_and(|mine| {
@@ -353,9 +353,9 @@ mod tests {
                 .map_err(|findings| TestCaseError::fail(format!("{findings}\n{text}")))?;
             prop_assert!(findings.is_empty());
             prop_assert_eq!(robot.name, name);
-            prop_assert_eq!(robot.wheel_circumference_m.to_bits(), circumference_m.to_bits());
-            prop_assert_eq!(robot.track_width_m.to_bits(), track_m.to_bits());
-            prop_assert_eq!(robot.left.ratio < 0.0, inverted[0]);
+            prop_assert_eq!(robot.drive.wheel_circumference_m.to_bits(), circumference_m.to_bits());
+            prop_assert_eq!(robot.drive.track_width_m.to_bits(), track_m.to_bits());
+            prop_assert_eq!(robot.drive.left.ratio < 0.0, inverted[0]);
             prop_assert_eq!(robot.head.is_some(), there[0]);
         }
     }

@@ -60,11 +60,7 @@ impl MotorState {
 
 impl fmt::Display for MotorState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (place, flag) in self.iter().enumerate() {
-            f.write_str(if place == 0 { "" } else { " " })?;
-            f.write_str(flag)?;
-        }
-        Ok(())
+        f.write_str(&self.iter().collect::<Vec<_>>().join(" "))
     }
 }
 

@@ -97,22 +97,18 @@ impl<M: SensorMode> TypedSensor<M> {
         self.sensor.modes().contains(mode.word())
     }
 
-    /// The mode in force, which must be one of `usable`: a value means nothing without its mode.
-    pub(super) fn mode_among(
-        &self,
-        usable: &'static [M],
-        words: &'static [&'static str],
-    ) -> Result<M, DeviceError> {
-        self.mode.filter(|mode| usable.contains(mode)).ok_or_else(|| {
-            self.sensor.node.refusal("mode", &self.sensor.mode().name, Legal::Words(words))
-        })
+    /// Another mode is in force than one of those: a value means nothing without its mode.
+    pub(super) fn wrong_mode(&self, words: &'static [&'static str]) -> DeviceError {
+        self.sensor.node.refusal("mode", &self.sensor.mode().name, Legal::Words(words))
     }
 
     /// This mode must be in force.
     pub(super) fn in_mode(&self, mode: M) -> Result<(), DeviceError> {
+        if self.mode == Some(mode) {
+            return Ok(());
+        }
         let at = M::MODES.iter().position(|known| *known == mode).unwrap_or_default();
-        let modes = M::MODES.get(at..=at).unwrap_or_default();
-        self.mode_among(modes, M::WORDS.get(at..=at).unwrap_or_default()).map(drop)
+        Err(self.wrong_mode(M::WORDS.get(at..=at).unwrap_or_default()))
     }
 
     pub(super) fn sensor_mut(&mut self) -> &mut Sensor {

@@ -56,12 +56,12 @@ impl UltrasonicSensor {
     /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond what the sensor can say.
     pub fn distance_m(&self) -> Result<Option<f64>, DeviceError> {
         use UltrasonicMode::{DcCm, DcIn, DistCm, DistIn, SingleCm, SingleIn};
-        const USABLE: &[UltrasonicMode] = &[DistCm, DistIn, SingleCm, SingleIn, DcCm, DcIn];
         const WORDS: &[&str] =
             &["US-DIST-CM", "US-DIST-IN", "US-SI-CM", "US-SI-IN", "US-DC-CM", "US-DC-IN"];
-        let (no_echo, tenth_m) = match self.mode_among(USABLE, WORDS)? {
-            DistCm | SingleCm | DcCm => (NO_ECHO_TENTHS_CM, 0.001),
-            _ => (NO_ECHO_TENTHS_IN, 0.00254),
+        let (no_echo, tenth_m) = match self.mode() {
+            Some(DistCm | SingleCm | DcCm) => (NO_ECHO_TENTHS_CM, 0.001),
+            Some(DistIn | SingleIn | DcIn) => (NO_ECHO_TENTHS_IN, 0.00254),
+            _ => return Err(self.wrong_mode(WORDS)),
         };
         let tenths = self.sensor().first_value_within(0, no_echo)?;
         Ok((tenths < no_echo).then(|| f64::from(tenths) * tenth_m))
@@ -83,10 +83,11 @@ impl UltrasonicSensor {
     /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode; what writing a mode
     /// gives.
     pub fn ping(&mut self) -> Result<(), DeviceError> {
-        self.mode_among(
-            &[UltrasonicMode::SingleCm, UltrasonicMode::SingleIn],
-            &["US-SI-CM", "US-SI-IN"],
-        )?;
-        self.sensor_mut().rewrite_mode()
+        match self.mode() {
+            Some(UltrasonicMode::SingleCm | UltrasonicMode::SingleIn) => {
+                self.sensor_mut().rewrite_mode()
+            }
+            _ => Err(self.wrong_mode(&["US-SI-CM", "US-SI-IN"])),
+        }
     }
 }

@@ -110,8 +110,8 @@ fn regeared(senses: &Senses, from: &RobotConfig, to: &RobotConfig) -> Senses {
             reading.value *= to / from;
         }
     };
-    scale(Channel::Left, from.left.ratio, to.left.ratio);
-    scale(Channel::Right, from.right.ratio, to.right.ratio);
+    scale(Channel::Left, from.drive.left.ratio, to.drive.left.ratio);
+    scale(Channel::Right, from.drive.right.ratio, to.drive.right.ratio);
     if let (Some(from), Some(to)) = (&from.head, &to.head) {
         scale(Channel::Head, from.motor.ratio, to.motor.ratio);
     }

@@ -3,28 +3,25 @@
 
 use nix::errno::Errno;
 
-use super::{Brick, Class, Device, Lcd, Plugged, ServoMotor, next};
+use super::{Brick, Class, Device, Identity, Lcd, Node, Plugged, Port, ServoMotor, next};
 
 impl Brick {
     /// Puts something into a port, or takes it out; detection takes its time.
     ///
     /// # Errors
     ///
-    /// EINVAL for a motor in an input port and the reverse, ENOENT for a missing port.
-    pub(crate) fn plug(
-        &mut self,
-        index: usize,
-        plugged: Option<Plugged>,
-        now_ns: i64,
-    ) -> Result<(), Errno> {
-        self.ports.get_mut(index).ok_or(Errno::ENOENT)?.plug(plugged, now_ns)
+    /// EINVAL for a motor in an input port and the reverse.
+    pub(crate) fn plug(&mut self, port: Port, plugged: Option<Plugged>) -> Result<(), Errno> {
+        self.ports[port.index()].plug(plugged, self.now_ns)
     }
 
     /// Adds an output of a servo controller; returns its name.
-    pub(crate) fn add_servo(&mut self, address: &str, has_rate: bool, now_ns: i64) -> String {
+    pub(crate) fn add_servo(&mut self, address: &str, has_rate: bool) -> String {
         let name = format!("motor{}", next(&mut self.counters.servo));
-        let servo = Device::Servo(ServoMotor::new(address, has_rate));
-        self.register(Class::ServoMotor, name.clone(), now_ns, servo);
+        let servo = Device::Servo(ServoMotor::new(has_rate));
+        let identity = Identity { driver_name: "servo-motor", address: address.to_owned() };
+        let node = Node::new(Class::ServoMotor, name.clone(), servo);
+        self.register(Node { registered_ns: self.now_ns, identity: Some(identity), ..node });
         name
     }
 
@@ -48,7 +45,8 @@ impl Brick {
         Some(&self.node(self.find(class.as_str(), name)?)?.device)
     }
 
-    fn lcd(&self) -> Option<&Lcd> {
+    /// The screen, if the board has one.
+    pub(crate) fn lcd(&self) -> Option<&Lcd> {
         self.nodes.iter().find_map(|node| match &node.device {
             Device::Lcd(lcd) => Some(lcd),
             _ => None,
@@ -58,16 +56,6 @@ impl Brick {
     /// The picture on the screen.
     pub(crate) fn lcd_bytes(&self) -> &[u8] {
         self.lcd().map_or(&[], |lcd| &lcd.bytes)
-    }
-
-    /// How often something was drawn on the screen.
-    pub(crate) fn screen_changes(&self) -> u32 {
-        self.lcd().map_or(0, |lcd| lcd.changes)
-    }
-
-    /// The screen's width, height and each pixel's grey.
-    pub(crate) fn screen_greys(&self) -> Option<(u32, u32, Vec<u8>)> {
-        self.lcd().map(Lcd::greys)
     }
 
     /// Draws on the screen; returns how many bytes there was room for.
@@ -88,9 +76,9 @@ impl Brick {
     /// # Errors
     ///
     /// ENODEV where no sensor is registered.
-    pub(crate) fn feed(&mut self, input: usize, frame: Option<&[u8]>) -> Result<(), Errno> {
+    pub(crate) fn feed(&mut self, port: Port, frame: Option<&[u8]>) -> Result<(), Errno> {
         let sensor = self.nodes.iter_mut().find_map(|node| match &mut node.device {
-            Device::Sensor(port, sensor) if *port == input => Some(sensor),
+            Device::Sensor(sensor) if node.port == Some(port) => Some(sensor),
             _ => None,
         });
         sensor.ok_or(Errno::ENODEV)?.feed(frame);

@@ -1,6 +1,6 @@
 //! The faults on a brick's ports: `sim::fault` says what they do.
 
-use super::{Brick, Device, FIRST_OUTPUT};
+use super::{Brick, Device};
 use crate::ev3dev::Direction;
 use crate::sim::fault::{DeviceFault, FaultError, PortFaults};
 use crate::sim::ports::Port;
@@ -17,50 +17,39 @@ impl Brick {
         port: Port,
         fault: &DeviceFault,
         until_ns: Option<i64>,
-        now_ns: i64,
     ) -> Result<(), FaultError> {
-        fault.fit(port, self.ports.get(port.index()).and_then(|port| port.home))?;
+        fault.fit(port, self.ports[port.index()].home)?;
         match fault {
             DeviceFault::Plug => {
-                self.put_back(port, now_ns);
-                if let Some(faults) = self.faults.get_mut(port.index()) {
-                    faults.remove(&DeviceFault::Unplug);
-                }
+                self.put_back(port);
+                self.faults[port.index()].remove(&DeviceFault::Unplug);
                 return Ok(());
             }
             DeviceFault::Write { attribute, value } => {
                 return self
-                    .write_as_another(port, attribute, value, now_ns)
+                    .write_as_another(port, attribute, value)
                     .map_err(|source| FaultError::Refused { port, fault: fault.clone(), source });
             }
-            DeviceFault::Unplug => {
-                if let Some(port) = self.ports.get_mut(port.index()) {
-                    port.pull(now_ns);
-                }
-            }
+            DeviceFault::Unplug => self.ports[port.index()].pull(self.now_ns),
             _ => {}
         }
-        if let Some(faults) = self.faults.get_mut(port.index()) {
-            faults.add(fault.clone(), until_ns);
-        }
+        self.faults[port.index()].add(fault.clone(), until_ns);
         Ok(())
     }
 
     /// Takes the faults from a port; what they were is for the caller to undo.
     pub(crate) fn clear(&mut self, port: Port) -> Vec<DeviceFault> {
-        self.faults.get_mut(port.index()).map(PortFaults::clear).unwrap_or_default()
+        self.faults[port.index()].clear()
     }
 
     /// Takes one fault whose end has come from a port; what it was is for the caller to undo.
-    pub(crate) fn take_ended(&mut self, port: Port, now_ns: i64) -> Option<DeviceFault> {
-        self.faults.get_mut(port.index())?.take_ended(now_ns)
+    pub(crate) fn take_ended(&mut self, port: Port) -> Option<DeviceFault> {
+        self.faults[port.index()].take_ended(self.now_ns)
     }
 
     /// Puts what belongs into a port into it, if it is empty.
-    pub(crate) fn put_back(&mut self, port: Port, now_ns: i64) {
-        if let Some(port) = self.ports.get_mut(port.index()) {
-            port.put_back(now_ns);
-        }
+    pub(crate) fn put_back(&mut self, port: Port) {
+        self.ports[port.index()].put_back(self.now_ns);
     }
 
     /// What is wrong with the ports now.
@@ -71,35 +60,22 @@ impl Brick {
 
     /// The faults of the port that a device is on.
     pub(super) fn faults_of(&self, id: u32) -> Option<&PortFaults> {
-        let port = match &self.node(id)?.device {
-            Device::Tacho(out, _) | Device::Dc(out, _) => FIRST_OUTPUT + out,
-            Device::Sensor(input, _) => *input,
-            _ => return None,
-        };
-        self.faults.get(port)
-    }
-
-    /// The driver of a device on a port; of a light too, which a port in mode `led` has.
-    pub(crate) fn driver_name(&self, id: u32) -> Option<&'static str> {
-        match &self.node(id)?.device {
-            Device::Led(_) => Some("led"),
-            _ => self.driver(id)?.identity().map(|(driver_name, _)| driver_name),
+        let node = self.node(id)?;
+        match node.device {
+            Device::Tacho(_) | Device::Dc(_) | Device::Sensor(_) => {
+                node.port.map(|port| &self.faults[port.index()])
+            }
+            _ => None,
         }
     }
 
-    fn write_as_another(
-        &mut self,
-        port: Port,
-        attribute: &str,
-        value: &str,
-        now_ns: i64,
-    ) -> Result<(), Errno> {
-        let id = self.ports.get(port.index()).and_then(|port| port.device).ok_or(Errno::ENODEV)?;
+    fn write_as_another(&mut self, port: Port, attribute: &str, value: &str) -> Result<(), Errno> {
+        let id = self.ports[port.index()].device.ok_or(Errno::ENODEV)?;
         let spec = self.attribute(id, attribute).ok_or(Errno::ENOENT)?;
         if spec.direction == Direction::Readable {
             return Err(Errno::EACCES);
         }
         // The program that waits for the end of the write is another one.
-        self.store(id, spec.name, value.as_bytes(), now_ns).map(|_| ())
+        self.store(id, spec.name, value.as_bytes()).map(|_| ())
     }
 }

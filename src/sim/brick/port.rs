@@ -8,8 +8,9 @@ use crate::sim::board::{Board, PortKind};
 use crate::sim::driver::sensor::{HANDSHAKE_NS, MODELS, model};
 use crate::sim::driver::tacho::{self, Model};
 use crate::sim::driver::text::word;
-use crate::sim::driver::{Attributes, Context, Driver, Took, lego_uevent, line, list};
+use crate::sim::driver::{Attributes, Context, Driver, Identity, Took, line, list};
 use crate::sim::physics::{MotorKind, SensorKind};
+use crate::sim::ports::Port;
 
 /// A plug is believed once it has been stable for 350 ms, and the pins have settled twice for 20
 /// ms.
@@ -40,9 +41,8 @@ pub(crate) enum Wanted {
 /// One port.
 #[derive(Debug)]
 pub(crate) struct PortState {
-    pub(crate) address: &'static str,
+    port: Port,
     board: &'static Board,
-    is_input: bool,
     mode: usize,
     plugged: Option<Plugged>,
     /// What was last put in: it is put back after a pull.
@@ -56,8 +56,8 @@ pub(crate) struct PortState {
     renew: bool,
     /// The device registered on it, of a class.
     pub(crate) device: Option<u32>,
-    /// The device on the bus that it belongs to.
-    pub(crate) on_bus: Option<u32>,
+    /// What the co-processor has counted of its motor.
+    pub(crate) counted: (i64, f64),
 }
 
 /// What a port asks of the registry.
@@ -70,16 +70,10 @@ pub(crate) enum Change {
 
 impl PortState {
     /// A port in its first mode, with what was plugged in before the brick was switched on.
-    pub(crate) fn new(
-        address: &'static str,
-        board: &'static Board,
-        is_input: bool,
-        plugged: Option<Plugged>,
-    ) -> Self {
+    pub(crate) fn new(port: Port, board: &'static Board, plugged: Option<Plugged>) -> Self {
         let mut port = Self {
-            address,
+            port,
             board,
-            is_input,
             mode: 0,
             plugged,
             home: plugged,
@@ -89,10 +83,15 @@ impl PortState {
             vanish_ns: None,
             renew: false,
             device: None,
-            on_bus: None,
+            counted: (0, 0.0),
         };
         port.appear_ns = port.wanted().map(|_| 0);
         port
+    }
+
+    /// What the port says of itself.
+    pub(crate) fn identity(&self) -> Identity {
+        Identity { driver_name: self.kind().driver, address: self.board.address(self.port) }
     }
 
     /// The sensor that is in the port.
@@ -114,7 +113,9 @@ impl PortState {
     ///
     /// EINVAL for a motor in an input port and the reverse.
     pub(crate) fn plug(&mut self, plugged: Option<Plugged>, now_ns: i64) -> Result<(), Errno> {
-        if plugged.is_some_and(|plugged| matches!(plugged, Plugged::Sensor(_)) != self.is_input) {
+        if plugged
+            .is_some_and(|plugged| matches!(plugged, Plugged::Motor(_)) != self.port.is_output())
+        {
             return Err(Errno::EINVAL);
         }
         self.home = plugged.or(self.home);
@@ -167,7 +168,7 @@ impl PortState {
     }
 
     fn kind(&self) -> &'static PortKind {
-        if self.is_input { &self.board.inputs } else { &self.board.outputs }
+        if self.port.is_output() { &self.board.outputs } else { &self.board.inputs }
     }
 
     fn modes(&self) -> &'static [&'static str] {
@@ -201,15 +202,15 @@ impl PortState {
     }
 
     fn status(&self) -> &'static str {
-        match (self.is_input, self.mode, self.plugged) {
+        match (self.port.is_output(), self.mode, self.plugged) {
             _ if !self.board.platform.detects => self.mode_name(),
-            (true, _, None) => "no-sensor",
-            (true, _, Some(Plugged::Sensor(kind))) => model(kind).port_mode(),
-            (true, _, Some(Plugged::Motor(_))) => "error",
-            (false, 0, None) => "no-motor",
-            (false, 0, Some(Plugged::Motor(MotorKind::Rcx))) => "dc-motor",
-            (false, 0, Some(_)) => "tacho-motor",
-            (false, _, _) => self.mode_name(),
+            (false, _, None) => "no-sensor",
+            (false, _, Some(Plugged::Sensor(kind))) => model(kind).port_mode(),
+            (false, _, Some(Plugged::Motor(_))) => "error",
+            (true, 0, None) => "no-motor",
+            (true, 0, Some(Plugged::Motor(MotorKind::Rcx))) => "dc-motor",
+            (true, 0, Some(_)) => "tacho-motor",
+            (true, _, _) => self.mode_name(),
         }
     }
 
@@ -222,7 +223,7 @@ impl PortState {
 
     /// What a port that does not find out is told to have, in the mode for it.
     fn name_sensor(&mut self, bytes: &[u8], context: &Context<'_>) -> Result<(), Errno> {
-        if !self.is_input || self.mode == 0 {
+        if self.port.is_output() || self.mode == 0 {
             return Err(Errno::EOPNOTSUPP);
         }
         let fitting = MODELS.iter().filter(|model| model.port_mode() == self.mode_name());
@@ -256,10 +257,6 @@ fn detection_ns(plugged: Plugged) -> i64 {
 impl Driver for PortState {
     fn attributes(&self) -> Attributes {
         [LegoPort::ATTRIBUTES, &[]]
-    }
-
-    fn identity(&self) -> Option<(&'static str, &str)> {
-        Some((self.kind().driver, self.address))
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
@@ -296,6 +293,5 @@ impl Driver for PortState {
     fn uevent(&self, out: &mut Vec<u8>) {
         out.extend_from_slice(b"DEVTYPE=");
         line(out, self.kind().driver);
-        lego_uevent(out, self.kind().driver, self.address);
     }
 }

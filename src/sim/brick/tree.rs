@@ -12,7 +12,7 @@
 
 use nix::errno::Errno;
 
-use super::{Brick, Class, Device, UEVENT};
+use super::{Brick, Class, Device, Node, UEVENT};
 use crate::ev3dev::AttributeSpec;
 use crate::sim::driver::bus::{BusDevice, POWER};
 use crate::sim::driver::{Entry, EntryKind};
@@ -122,24 +122,23 @@ impl Brick {
         }
         let (id, rest) = self.locate(path).ok_or(Errno::EINVAL)?;
         let folder = self.folder(id).ok_or(Errno::ENOENT)?;
-        let (class, _) = self.name(id).ok_or(Errno::ENOENT)?;
-        let bus_driver = self.node(id).and_then(|node| match &node.device {
+        let node = self.node(id).ok_or(Errno::ENOENT)?;
+        let bus_driver = match &node.device {
             Device::Bus(device) => Some(device.driver),
             _ => None,
-        });
+        };
         match (rest, bus_driver) {
-            ("subsystem", Some(_)) => return Ok(format!("{up}bus/lego")),
-            ("driver", Some(driver)) => return Ok(format!("{up}bus/lego/drivers/{driver}")),
-            (_, Some(_)) => return Err(Errno::EINVAL),
-            _ => {}
-        }
-        match rest {
-            "" if path.starts_with("sys/class/") => Ok(format!("../../{folder}")),
-            "subsystem" => {
-                Ok(format!("{}class/{}", "../".repeat(folder.split('/').count()), class.as_str()))
+            ("subsystem", Some(_)) => Ok(format!("{up}bus/lego")),
+            ("driver", Some(driver)) => Ok(format!("{up}bus/lego/drivers/{driver}")),
+            ("", None) if path.starts_with("sys/class/") => Ok(format!("../../{folder}")),
+            ("subsystem", None) => {
+                let class = node.class.as_str();
+                Ok(format!("{}class/{class}", "../".repeat(folder.split('/').count())))
             }
             // Above are the class's folder, and the device that it belongs to.
-            "device" => Ok(format!("../../../{}", folder.rsplit('/').nth(2).unwrap_or_default())),
+            ("device", None) => {
+                Ok(format!("../../../{}", folder.rsplit('/').nth(2).unwrap_or_default()))
+            }
             _ => Err(Errno::EINVAL),
         }
     }
@@ -158,11 +157,6 @@ impl Brick {
             if rest.is_empty() { Some((id, rest)) } else { Some((id, rest.strip_prefix('/')?)) }
         });
         inside.min_by_key(|(_, rest)| rest.len())
-    }
-
-    /// A device's class and name.
-    pub(crate) fn name(&self, id: u32) -> Option<(Class, &str)> {
-        self.node(id).map(|node| (node.class, node.name.as_str()))
     }
 
     /// Folders on the way to those of devices.
@@ -224,7 +218,8 @@ impl Brick {
                 .and_then(|folder| self.folders_between(&folder).ok())
                 .unwrap_or_default(),
         );
-        let owner = if self.is_on_bus(id) { "driver" } else { "device" };
+        let is_on_bus = self.node(id).is_some_and(|node| node.class == Class::LegoBus);
+        let owner = if is_on_bus { "driver" } else { "device" };
         entries.extend([owner, "subsystem"].map(Entry::link));
         entries.push(file(&UEVENT));
         entries.sort_by(|one, other| one.name.cmp(&other.name));
@@ -242,10 +237,6 @@ impl Brick {
         Entry { permissions: entry.permissions | ((entry.permissions & 0o600) >> 3), ..entry }
     }
 
-    fn is_on_bus(&self, id: u32) -> bool {
-        self.node(id).is_some_and(|node| node.class == Class::LegoBus)
-    }
-
     /// Every device, with its folder below `sys`.
     fn folders(&self) -> impl Iterator<Item = (u32, String)> {
         self.nodes.iter().filter_map(|node| Some((node.id, self.folder(node.id)?)))
@@ -254,16 +245,21 @@ impl Brick {
     /// A device's own folder below `sys`, to which its class has a link.
     fn folder(&self, id: u32) -> Option<String> {
         let node = self.node(id)?;
-        let parent = match (&node.device, self.port_of(id)) {
-            (Device::Port(index), _) if self.board.nested => {
-                format!("{}/{}", self.board.parent, self.ports.get(*index)?.address)
+        let parent = match (&node.device, node.port) {
+            (Device::Port(port), _) if self.board.nested => {
+                format!("{}/{}", self.board.parent, self.board.address(*port))
             }
             (Device::Port(_), _) => self.board.parent.to_owned(),
             (Device::Bus(_), Some(port)) => {
-                return Some(format!("{}/{}", self.folder(self.port_node(port)?)?, node.name));
+                let is_port =
+                    |node: &&Node| matches!(node.device, Device::Port(other) if other == port);
+                let port = self.nodes.iter().find(is_port)?;
+                return Some(format!("{}/{}", self.folder(port.id)?, node.name));
             }
             (_, Some(port)) => {
-                let on_bus = self.folder(self.ports.get(port)?.on_bus?)?;
+                let is_on_bus =
+                    |node: &&Node| node.class == Class::LegoBus && node.port == Some(port);
+                let on_bus = self.folder(self.nodes.iter().find(is_on_bus)?.id)?;
                 return Some(format!("{on_bus}/{}/{}", node.class.as_str(), node.name));
             }
             (Device::Battery(_), _) => "platform/battery".to_owned(),
@@ -273,17 +269,5 @@ impl Brick {
             _ => "platform/servo-controller".to_owned(),
         };
         Some(format!("devices/{parent}/{}/{}", node.class.as_str(), node.name))
-    }
-
-    /// The port that a device is on.
-    fn port_of(&self, id: u32) -> Option<usize> {
-        self.ports.iter().position(|port| port.device == Some(id) || port.on_bus == Some(id))
-    }
-
-    /// The device of a port itself.
-    fn port_node(&self, index: usize) -> Option<u32> {
-        let is_port =
-            |node: &&super::Node| matches!(node.device, Device::Port(other) if other == index);
-        self.nodes.iter().find(is_port).map(|node| node.id)
     }
 }

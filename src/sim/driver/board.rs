@@ -6,6 +6,7 @@ use nix::errno::Errno;
 
 use super::text::word;
 use super::{Attributes, Context, Driver, Took, line};
+use crate::ev3dev::Technology;
 use crate::sim::board::Board;
 
 /// One step of the current, in microamperes.
@@ -14,34 +15,12 @@ const CURRENT_STEP_UA: f64 = 6_500.0;
 /// The cells of which physics knows the voltage.
 const CELLS: f64 = 6.0;
 
-/// What the brick is fed from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Pack {
-    /// Six AA cells; the kernel says `Unknown`.
-    #[default]
-    Aa,
-    /// LEGO's rechargeable pack, known by its switch.
-    LithiumIon,
-    /// Six AA cells that the user has declared as rechargeable.
-    NickelMetalHydride,
-}
-
-impl Pack {
-    fn technology(self) -> &'static str {
-        match self {
-            Self::Aa => "Unknown",
-            Self::LithiumIon => "Li-ion",
-            Self::NickelMetalHydride => "NiMH",
-        }
-    }
-
-    /// The design limits as the driver gives them, in microvolts: ten times too large but for NiMH.
-    fn design_uv(self) -> (u32, u32) {
-        match self {
-            Self::Aa => (90_000_000, 48_000_000),
-            Self::LithiumIon => (84_000_000, 60_000_000),
-            Self::NickelMetalHydride => (7_800_000, 5_400_000),
-        }
+/// The design limits as the driver gives them, in microvolts: ten times too large but for NiMH.
+fn design_uv(cells: Technology) -> (u32, u32) {
+    match cells {
+        Technology::Unknown => (90_000_000, 48_000_000),
+        Technology::LiIon => (84_000_000, 60_000_000),
+        Technology::NiMh => (7_800_000, 5_400_000),
     }
 }
 
@@ -49,29 +28,21 @@ impl Pack {
 #[derive(Debug)]
 pub(crate) struct Battery {
     board: &'static Board,
-    pack: Pack,
+    cells: Technology,
     voltage_v: f64,
     current_a: f64,
 }
 
 impl Battery {
     /// A board's battery with these cells.
-    pub(crate) fn new(pack: Pack, board: &'static Board) -> Self {
-        Self { board, pack, voltage_v: 0.0, current_a: 0.0 }
+    pub(crate) fn new(cells: Technology, board: &'static Board) -> Self {
+        Self { board, cells, voltage_v: 0.0, current_a: 0.0 }
     }
 
     /// Takes what the converter sees.
     pub(crate) fn sample(&mut self, (voltage_v, current_a): (f64, f64)) {
         let cells = f64::from(self.board.platform.cells);
         (self.voltage_v, self.current_a) = (voltage_v * cells / CELLS, current_a);
-    }
-
-    fn voltage_uv(&self) -> f64 {
-        quantised(self.voltage_v * 1e6, self.board.battery.step_uv)
-    }
-
-    fn current_ua(&self) -> f64 {
-        quantised(libm::fabs(self.current_a) * 1e6, CURRENT_STEP_UA)
     }
 }
 
@@ -88,26 +59,31 @@ impl Driver for Battery {
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
+        let (most_uv, least_uv) = design_uv(self.cells);
         match attribute {
-            "current_now" => line(out, self.current_ua()),
+            "current_now" => {
+                line(out, quantised(libm::fabs(self.current_a) * 1e6, CURRENT_STEP_UA));
+            }
             "present" => line(out, 1),
             "status" => line(out, "Discharging"),
             "scope" => line(out, "System"),
-            "technology" => line(out, self.pack.technology()),
+            "technology" => line(out, self.cells),
             "type" => line(out, "Battery"),
-            "voltage_max_design" => line(out, self.pack.design_uv().0),
-            "voltage_min_design" => line(out, self.pack.design_uv().1),
-            "voltage_now" => line(out, self.voltage_uv()),
+            "voltage_max_design" => line(out, most_uv),
+            "voltage_min_design" => line(out, least_uv),
+            "voltage_now" => {
+                line(out, quantised(self.voltage_v * 1e6, self.board.battery.step_uv));
+            }
             _ => return Err(Errno::ENODEV),
         }
         Ok(())
     }
 
     fn store(&mut self, attribute: &str, bytes: &[u8], _context: &mut Context<'_>) -> Took {
-        match (attribute, self.pack) {
-            ("technology", Pack::Aa) => {
-                word(bytes, ["NiMH"])?;
-                self.pack = Pack::NickelMetalHydride;
+        match (attribute, self.cells) {
+            ("technology", Technology::Unknown) => {
+                word(bytes, [Technology::NiMh.as_str()])?;
+                self.cells = Technology::NiMh;
                 Ok(None)
             }
             _ => Err(Errno::EINVAL),

@@ -5,7 +5,7 @@
 use nix::errno::Errno;
 
 use super::text::word;
-use super::{Attributes, Driver, lego_uevent, line, readable, readwriteable};
+use super::{Attributes, Driver, Identity, lego_uevent, line, readable, readwriteable};
 use crate::ev3dev::AttributeSpec;
 use crate::sim::board::Board;
 
@@ -53,26 +53,16 @@ pub(crate) fn store_power(attribute: &str, bytes: &[u8]) -> Result<(), Errno> {
 /// A device of the bus.
 #[derive(Debug)]
 pub(crate) struct BusDevice {
-    /// The driver that it is bound to.
+    /// The driver that it is bound to, of [`BusDevice::drivers`].
     pub(crate) driver: &'static str,
-    driver_name: &'static str,
-    address: &'static str,
+    /// What was plugged in, under the name that its class gives it.
+    pub(crate) identity: Identity,
 }
 
 impl BusDevice {
     /// Every driver of the bus that a simulated board has.
     pub(crate) fn drivers(board: &Board) -> impl Iterator<Item = &'static str> {
         board.bus.into_iter().chain(["rcx-led", "rcx-motor"])
-    }
-
-    /// What was plugged in, under the name that its class gives it, bound to one of
-    /// [`BusDevice::drivers`].
-    pub(crate) fn new(
-        driver: &'static str,
-        driver_name: &'static str,
-        address: &'static str,
-    ) -> Self {
-        Self { driver, driver_name, address }
     }
 }
 
@@ -93,7 +83,7 @@ impl Driver for BusDevice {
     fn uevent(&self, out: &mut Vec<u8>) {
         let driver = self.driver;
         line(out, format_args!("DEVTYPE={driver}\nDRIVER={driver}"));
-        lego_uevent(out, self.driver_name, self.address);
+        lego_uevent(out, &self.identity);
         line(out, format_args!("MODALIAS=lego:{driver}"));
     }
 }

@@ -14,7 +14,6 @@ use crate::sim::physics::Bridge;
 
 const STOP_ACTIONS: [&str; 2] = ["coast", "brake"];
 const RAMP_PERIOD: i64 = 10;
-const DRIVER_NAME: &str = "rcx-motor";
 
 #[derive(Debug, Clone, Copy, Default)]
 struct SetPoints {
@@ -26,10 +25,9 @@ struct SetPoints {
     time_ms: i32,
 }
 
-/// One motor.
+/// One motor; the default is as after the port was put into its mode.
 #[derive(Debug, Default)]
 pub(crate) struct DcMotor {
-    address: &'static str,
     set: SetPoints,
     /// Latched at the command; its duty cycle has the polarity in it.
     active: SetPoints,
@@ -46,11 +44,6 @@ pub(crate) struct DcMotor {
 }
 
 impl DcMotor {
-    /// As after the port was put into its mode.
-    pub(crate) fn new(address: &'static str) -> Self {
-        Self { address, ..Self::default() }
-    }
-
     /// What happens in one step: its two timers.
     pub(crate) fn tick(&mut self, now_ns: i64) {
         if self.timed_ns.is_some_and(|due_ns| due_ns <= now_ns) {
@@ -127,10 +120,6 @@ impl DcMotor {
 impl Driver for DcMotor {
     fn attributes(&self) -> Attributes {
         [ev3dev::DcMotor::ATTRIBUTES, &[]]
-    }
-
-    fn identity(&self) -> Option<(&'static str, &str)> {
-        Some((DRIVER_NAME, self.address))
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {

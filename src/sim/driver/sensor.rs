@@ -81,7 +81,6 @@ pub(crate) struct Sensor {
     pub(crate) kind: SensorKind,
     /// What its driver is.
     pub(crate) model: &'static Model,
-    address: &'static str,
     make: GyroMake,
     /// How often the board's controller is asked for the sensor's values; none where the sensor
     /// sends them to the driver.
@@ -115,7 +114,6 @@ impl Sensor {
     /// A sensor that has just reported itself, in its first mode.
     pub(crate) fn new(
         kind: SensorKind,
-        address: &'static str,
         make: GyroMake,
         polls_ns: Option<i64>,
         now_ns: i64,
@@ -123,7 +121,6 @@ impl Sensor {
         Self {
             kind,
             model: model(kind),
-            address,
             make,
             polls_ns,
             wire: SerialLine::Sound,
@@ -166,16 +163,14 @@ impl Sensor {
         {
             return;
         }
-        let Some(mode) = self.mode_table() else { return };
+        let mode = self.mode_table();
         let Some(mut values) = measure(mode.name) else { return };
         self.spent = mode.name.starts_with("US-SI");
         self.zero(mode.name, &mut values, now_ns);
         if !self.model.uart {
             values = values.map(|value| if value == 0 { 0 } else { PRESSED_PIN_MV });
         }
-        if let Some(frame) = self.frames.get_mut(self.mode) {
-            encode(mode.format, values.get(..mode.values).unwrap_or_default(), frame);
-        }
+        encode(mode.format, &values[..mode.values], &mut self.frames[self.mode]);
         self.notice_touch();
     }
 
@@ -183,9 +178,9 @@ impl Sensor {
     /// again.
     pub(crate) fn feed(&mut self, frame: Option<&[u8]>) {
         self.fed = frame.is_some();
-        if let (Some(frame), Some(kept)) = (frame, self.frames.get_mut(self.mode)) {
+        if let Some(frame) = frame {
             let sent = frame.iter().copied().chain(std::iter::repeat(0));
-            kept.iter_mut().zip(sent).for_each(|(to, from)| *to = from);
+            self.frames[self.mode].iter_mut().zip(sent).for_each(|(to, from)| *to = from);
             self.notice_touch();
         }
     }
@@ -228,13 +223,13 @@ impl Sensor {
         }
     }
 
-    fn mode_table(&self) -> Option<&'static Mode> {
-        self.model.modes.get(self.mode)
+    fn mode_table(&self) -> &'static Mode {
+        &self.model.modes[self.mode]
     }
 
     /// The last frame of the present mode.
     fn frame(&self) -> &[u8] {
-        self.frames.get(self.mode).map_or(&[], <[u8; FRAME_BYTES]>::as_slice)
+        &self.frames[self.mode]
     }
 
     /// A description that is taken again begins with no data in any mode.
@@ -245,8 +240,10 @@ impl Sensor {
     }
 
     fn value(&self, index: usize) -> Option<i32> {
-        let described = self.line() != SerialLine::Resynchronising;
-        let mode = self.mode_table().filter(|mode| described && index < mode.values)?;
+        let mode = self.mode_table();
+        if self.line() == SerialLine::Resynchronising || index >= mode.values {
+            return None;
+        }
         let value = decode(mode.format, self.frame(), index);
         Some(if self.model.uart { value } else { i32::from(value > PRESSED_MV) })
     }
@@ -311,7 +308,7 @@ impl Sensor {
     /// How long the present mode's old values stay after a change from `before`.
     fn settling_ns(&self, before: usize) -> i64 {
         let family = |index: usize| {
-            let name = self.model.modes.get(index).map_or("", |mode| mode.name);
+            let name = self.model.modes[index].name;
             (name == "US-LISTEN", name.starts_with("US-SI"))
         };
         if family(before) == family(self.mode) {
@@ -342,12 +339,8 @@ impl Driver for Sensor {
         [ev3dev::Sensor::ATTRIBUTES, ev3dev::Sensor::BINARY_ATTRIBUTES]
     }
 
-    fn identity(&self) -> Option<(&'static str, &str)> {
-        Some((self.model.driver_name, self.address))
-    }
-
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
-        let mode = self.mode_table().ok_or(Errno::ENXIO)?;
+        let mode = self.mode_table();
         match attribute {
             "bin_data" => out.extend_from_slice(self.frame()),
             "bin_data_format" => line(out, mode.format),

@@ -8,12 +8,9 @@ use super::text::{int, known, scan_signed, scan_unsigned, within};
 use super::{Attributes, Context, Driver, Took, line, list};
 use crate::ev3dev::{self, Polarity, ServoCommand};
 
-const DRIVER_NAME: &str = "servo-motor";
-
 /// One output of a servo controller.
 #[derive(Debug)]
 pub(crate) struct ServoMotor {
-    address: String,
     min_pulse_us: i32,
     mid_pulse_us: i32,
     max_pulse_us: i32,
@@ -25,9 +22,8 @@ pub(crate) struct ServoMotor {
 
 impl ServoMotor {
     /// As after plugging in a controller; `has_rate` if it can limit the speed.
-    pub(crate) fn new(address: &str, has_rate: bool) -> Self {
+    pub(crate) fn new(has_rate: bool) -> Self {
         Self {
-            address: address.to_owned(),
             min_pulse_us: 500,
             mid_pulse_us: 1500,
             max_pulse_us: 2500,
@@ -50,10 +46,6 @@ impl ServoMotor {
 impl Driver for ServoMotor {
     fn attributes(&self) -> Attributes {
         [ev3dev::ServoMotor::ATTRIBUTES, &[]]
-    }
-
-    fn identity(&self) -> Option<(&'static str, &str)> {
-        Some((DRIVER_NAME, &self.address))
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {

@@ -69,7 +69,6 @@ pub(crate) struct TachoMotor {
     /// What its driver is.
     pub(crate) model: &'static Model,
     driver: &'static MotorDriver,
-    address: &'static str,
     set: SetPoints,
     active: SetPoints,
     active_command: Command,
@@ -89,7 +88,6 @@ impl TachoMotor {
     pub(crate) fn new(
         model: &'static Model,
         driver: &'static MotorDriver,
-        address: &'static str,
         (edges, exact): (i64, f64),
         now_ns: i64,
     ) -> Self {
@@ -98,7 +96,6 @@ impl TachoMotor {
         Self {
             model,
             driver,
-            address,
             set: SetPoints::default(),
             active: SetPoints::default(),
             active_command: Command::Stop,
@@ -357,10 +354,6 @@ impl Driver for TachoMotor {
     fn attributes(&self) -> Attributes {
         let own = if self.is_linear() { Linear::OWN_ATTRIBUTES } else { Rotary::OWN_ATTRIBUTES };
         [ev3dev::TachoMotor::ATTRIBUTES, own]
-    }
-
-    fn identity(&self) -> Option<(&'static str, &str)> {
-        Some((self.model.driver_name, self.address))
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {

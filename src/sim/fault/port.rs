@@ -158,26 +158,11 @@ impl PortFaults {
         self.active.iter().rev().find_map(Active::error)
     }
 
-    /// True while files cannot be opened for writing.
-    pub(crate) fn is_denied(&self) -> bool {
-        self.has(&DeviceFault::Denied)
-    }
-
-    /// True while there is no power.
-    pub(crate) fn is_off(&self) -> bool {
-        self.has(&DeviceFault::Off)
-    }
-
-    /// True while no timer ends a `run-timed`.
-    pub(crate) fn is_endless(&self) -> bool {
-        self.has(&DeviceFault::Endless)
-    }
-
     /// How the serial line is.
     pub(crate) fn line(&self) -> SerialLine {
         if self.has(&DeviceFault::Resync) {
             SerialLine::Resynchronising
-        } else if self.is_off() {
+        } else if self.has(&DeviceFault::Off) {
             SerialLine::Silent
         } else {
             SerialLine::Sound
@@ -193,7 +178,8 @@ impl PortFaults {
         stale.max().unwrap_or(0)
     }
 
-    fn has(&self, fault: &DeviceFault) -> bool {
+    /// True while a fault is there that has no numbers.
+    pub(crate) fn has(&self, fault: &DeviceFault) -> bool {
         self.active().any(|active| active == fault)
     }
 

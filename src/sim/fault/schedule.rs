@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use super::{Act, DeviceFault, FaultError, Order, Port, Scenario};
 use crate::ev3dev::Button;
-use crate::sim::brick::Brick;
-use crate::sim::physics::{Fault, Physics};
+use crate::sim::physics::Fault;
+use crate::sim::simulation::State;
 use crate::units::radians;
 
 /// A battery is set this often while it changes: each time that the driver looks at it.
@@ -56,29 +56,41 @@ struct Ramp {
 }
 
 impl Faults {
-    /// Takes the orders of a scenario, its time counted from `now_ns`, in place of what was still
-    /// to come.
-    pub(crate) fn plan(&mut self, scenario: &Scenario, now_ns: i64) {
-        let orders = scenario.orders().iter();
-        self.pending =
-            orders.map(|(at_ns, order)| (now_ns.saturating_add(*at_ns), order.clone())).collect();
+    fn note(&mut self, time_ns: i64, robot: usize, what: String) {
+        if self.done.len() < MOST_DONE {
+            self.done.push(FaultRecord { time_ns, robot, what });
+        }
+    }
+}
+
+impl State {
+    /// Takes the orders of a scenario, its time counted from now, in place of what was still to
+    /// come.
+    pub(crate) fn plan(&mut self, scenario: &Scenario) {
+        let due =
+            |(at_ns, order): &(i64, Order)| (self.now_ns.saturating_add(*at_ns), order.clone());
+        self.faults.pending = scenario.orders().iter().map(due).collect();
     }
 
-    /// Does what is due.
-    pub(crate) fn step(&mut self, now_ns: i64, bricks: &mut [Brick], physics: &mut dyn Physics) {
-        self.end(now_ns, bricks, physics);
-        self.let_go(now_ns, bricks, |held| held.until_ns <= now_ns);
-        while self.pending.front().is_some_and(|(at_ns, _)| *at_ns <= now_ns) {
-            let Some((_, order)) = self.pending.pop_front() else { break };
+    /// Does what is due of what is ordered.
+    pub(crate) fn follow_plan(&mut self) {
+        let now_ns = self.now_ns;
+        self.end_faults();
+        self.let_go(|held| held.until_ns <= now_ns);
+        while self.faults.pending.front().is_some_and(|(at_ns, _)| *at_ns <= now_ns) {
+            let Some((_, order)) = self.faults.pending.pop_front() else { break };
             // A scenario's order that does not fit is recorded; no caller waits for its answer.
-            if let Err(error) = self.perform(&order, now_ns, bricks, physics) {
+            if let Err(error) = self.perform(&order) {
                 let why = std::error::Error::source(&error)
                     .map_or(String::new(), |cause| format!(" ({cause})"));
-                self.note(now_ns, order.robot, format!("{}: {error}{why}", order.act));
+                self.faults.note(now_ns, order.robot, format!("{}: {error}{why}", order.act));
             }
         }
         if now_ns % BATTERY_NS == 0 {
-            self.discharge(now_ns, physics);
+            for ramp in &self.faults.ramps {
+                self.physics.fail(ramp.robot, Fault::BatteryV(ramp.volts(now_ns)));
+            }
+            self.faults.ramps.retain(|ramp| now_ns - ramp.start_ns < ramp.over_ns);
         }
     }
 
@@ -87,52 +99,38 @@ impl Faults {
     /// # Errors
     ///
     /// [`FaultError`]; nothing has changed then.
-    pub(crate) fn perform(
-        &mut self,
-        order: &Order,
-        now_ns: i64,
-        bricks: &mut [Brick],
-        physics: &mut dyn Physics,
-    ) -> Result<(), FaultError> {
+    pub(crate) fn perform(&mut self, order: &Order) -> Result<(), FaultError> {
         let Order { robot, ref act } = *order;
-        let robots = bricks.len();
-        let brick = bricks.get_mut(robot).ok_or(FaultError::NoRobot { robot, robots })?;
+        let (now_ns, robots) = (self.now_ns, self.bricks.len());
+        let brick = self.bricks.get_mut(robot).ok_or(FaultError::NoRobot { robot, robots })?;
+        let Faults { held, ramps, .. } = &mut self.faults;
         match act {
             Act::Inject(port, fault, for_ns) => {
-                let until_ns = for_ns.map(|for_ns| now_ns.saturating_add(for_ns));
-                brick.inject(*port, fault, until_ns, now_ns)?;
-                if let (DeviceFault::Block, Some(out)) = (fault, port.output()) {
-                    physics.fail(robot, Fault::BlockedMotor(out));
+                brick.inject(*port, fault, for_ns.map(|for_ns| now_ns.saturating_add(for_ns)))?;
+                if *fault == DeviceFault::Block {
+                    self.physics.fail(robot, Fault::BlockedMotor(port.place()));
                 }
             }
-            Act::Clear(port) => {
-                let ports =
-                    Port::ALL.into_iter().filter(|other| port.is_none_or(|port| port == *other));
-                for port in ports {
-                    for fault in brick.clear(port) {
-                        restore(brick, robot, port, &fault, now_ns, physics);
-                    }
-                }
-                if port.is_none() {
-                    self.let_go(now_ns, bricks, |held| held.robot == robot);
-                    self.ramps.retain(|ramp| ramp.robot != robot);
-                    physics.fail(robot, Fault::OwnBattery);
-                }
+            Act::Clear(Some(port)) => self.clear(robot, *port),
+            Act::Clear(None) => {
+                Port::ALL.into_iter().for_each(|port| self.clear(robot, port));
+                self.let_go(|held| held.robot == robot);
+                self.faults.ramps.retain(|ramp| ramp.robot != robot);
+                self.physics.fail(robot, Fault::OwnBattery);
             }
             &Act::Battery { from_v, to_v, over_ns } => {
                 let ramp = Ramp { robot, from_v, to_v, start_ns: now_ns, over_ns };
-                physics.fail(robot, Fault::BatteryV(ramp.volts(now_ns)));
-                self.ramps.retain(|ramp| ramp.robot != robot);
-                self.ramps.push(ramp);
+                self.physics.fail(robot, Fault::BatteryV(ramp.volts(now_ns)));
+                ramps.retain(|ramp| ramp.robot != robot);
+                ramps.push(ramp);
             }
             &Act::Press(button, for_ns) => {
-                let until_ns = now_ns.saturating_add(for_ns);
-                self.held.retain(|held| (held.robot, held.button) != (robot, button));
-                self.held.push(Held { robot, button, until_ns });
+                held.retain(|held| (held.robot, held.button) != (robot, button));
+                held.push(Held { robot, button, until_ns: now_ns.saturating_add(for_ns) });
                 brick.buttons.set(button, true, now_ns);
             }
             &Act::Release(button) => {
-                self.held.retain(|held| (held.robot, held.button) != (robot, button));
+                held.retain(|held| (held.robot, held.button) != (robot, button));
                 brick.buttons.set(button, false, now_ns);
             }
             &Act::Tone(hz) => {
@@ -141,49 +139,50 @@ impl Faults {
                 return Ok(());
             }
             &Act::Place { x_m, y_m, heading_deg } => {
-                if !physics.place(robot, Some([x_m, y_m, radians(heading_deg)])) {
+                if !self.physics.place(robot, Some([x_m, y_m, radians(heading_deg)])) {
                     return Err(FaultError::NoRoom { x_m, y_m });
                 }
             }
             // Where it started, something may stand by now: another robot.
-            Act::Reset if !physics.place(robot, None) => return Err(FaultError::Taken),
+            Act::Reset if !self.physics.place(robot, None) => return Err(FaultError::Taken),
             Act::Reset | Act::Say(_) => {}
         }
-        self.note(now_ns, robot, act.to_string());
+        self.faults.note(now_ns, robot, act.to_string());
         Ok(())
     }
 
+    fn clear(&mut self, robot: usize, port: Port) {
+        for fault in self.bricks[robot].clear(port) {
+            self.restore(robot, port, &fault);
+        }
+    }
+
     /// Ends what has lasted long enough.
-    fn end(&mut self, now_ns: i64, bricks: &mut [Brick], physics: &mut dyn Physics) {
-        for (robot, brick) in bricks.iter_mut().enumerate() {
+    fn end_faults(&mut self) {
+        for robot in 0..self.bricks.len() {
             for port in Port::ALL {
-                while let Some(fault) = brick.take_ended(port, now_ns) {
-                    restore(brick, robot, port, &fault, now_ns, physics);
-                    self.note(now_ns, robot, format!("{port} {fault} is over"));
+                while let Some(fault) = self.bricks[robot].take_ended(port) {
+                    self.restore(robot, port, &fault);
+                    self.faults.note(self.now_ns, robot, format!("{port} {fault} is over"));
                 }
             }
         }
     }
 
     /// Lets go of the buttons that are held and fit.
-    fn let_go(&mut self, now_ns: i64, bricks: &mut [Brick], fits: impl Fn(&Held) -> bool) {
-        for held in self.held.extract_if(.., |held| fits(held)) {
-            if let Some(brick) = bricks.get_mut(held.robot) {
-                brick.buttons.set(held.button, false, now_ns);
-            }
+    fn let_go(&mut self, fits: impl Fn(&Held) -> bool) {
+        for held in self.faults.held.extract_if(.., |held| fits(held)) {
+            self.bricks[held.robot].buttons.set(held.button, false, self.now_ns);
         }
     }
 
-    fn discharge(&mut self, now_ns: i64, physics: &mut dyn Physics) {
-        for ramp in &self.ramps {
-            physics.fail(ramp.robot, Fault::BatteryV(ramp.volts(now_ns)));
-        }
-        self.ramps.retain(|ramp| now_ns - ramp.start_ns < ramp.over_ns);
-    }
-
-    fn note(&mut self, time_ns: i64, robot: usize, what: String) {
-        if self.done.len() < MOST_DONE {
-            self.done.push(FaultRecord { time_ns, robot, what });
+    /// Undoes what a fault has done to the world: a pulled plug goes in again, a blocked shaft is
+    /// free.
+    fn restore(&mut self, robot: usize, port: Port, fault: &DeviceFault) {
+        match fault {
+            DeviceFault::Unplug => self.bricks[robot].put_back(port),
+            DeviceFault::Block => self.physics.fail(robot, Fault::FreedMotor(port.place())),
+            _ => {}
         }
     }
 }
@@ -193,21 +192,5 @@ impl Ramp {
         let share = crate::clock::seconds(now_ns - self.start_ns)
             / crate::clock::seconds(self.over_ns.max(1));
         self.from_v + (self.to_v - self.from_v) * share.clamp(0.0, 1.0)
-    }
-}
-
-/// Undoes what a fault has done to the world: a pulled plug goes in again, a blocked shaft is free.
-fn restore(
-    brick: &mut Brick,
-    robot: usize,
-    port: Port,
-    fault: &DeviceFault,
-    now_ns: i64,
-    physics: &mut dyn Physics,
-) {
-    match (fault, port.output()) {
-        (DeviceFault::Unplug, _) => brick.put_back(port, now_ns),
-        (DeviceFault::Block, Some(out)) => physics.fail(robot, Fault::FreedMotor(out)),
-        _ => {}
     }
 }

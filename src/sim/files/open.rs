@@ -6,11 +6,11 @@ use std::time::Duration;
 
 use nix::errno::Errno;
 
-use super::LOOK_NS;
 use super::told::{self, Tells};
+use super::{LOOK_NS, SimBrick};
 use crate::clock::span_ns;
 use crate::ev3dev::{Access, AttributeFile, AttributeSpec, Button, Direction, Legal};
-use crate::sim::brick::Brick;
+use crate::sim::brick::{Brick, MOST_STORED};
 use crate::sim::driver::Wait;
 use crate::sim::driver::input::{EventLayout, Events};
 use crate::sim::physics::STEP_NS;
@@ -87,26 +87,25 @@ impl Waiting {
         self.simulation.wait_until(self.wait.until_ns.div_euclid(STEP_NS) * STEP_NS + STEP_NS);
         let state = self.simulation.state();
         let brick = state.bricks.get(self.robot).ok_or(Errno::ENODEV)?;
-        brick.registered_ns(self.id).ok_or(Errno::ENODEV)?;
+        brick.node(self.id).ok_or(Errno::ENODEV)?;
         self.wait.then.map_or(Ok(self.taken), Err)
     }
 }
 
-impl SimFile {
+impl SimBrick {
     /// Opens a file by its path; a stream at its end.
     ///
     /// # Errors
     ///
     /// ENOENT, EISDIR; EACCES for the wrong direction, and for writers while the device is new.
-    pub(crate) fn open(
-        simulation: &Simulation,
-        robot: usize,
+    pub(crate) fn open_file(
+        &self,
         path: &str,
         access: Access,
         layout: EventLayout,
-    ) -> Result<Self, Errno> {
-        let state = simulation.state();
-        let brick = state.bricks.get(robot).ok_or(Errno::ENOENT)?;
+    ) -> Result<SimFile, Errno> {
+        let state = self.simulation.state();
+        let brick = state.bricks.get(self.robot).ok_or(Errno::ENOENT)?;
         let platform = brick.board.platform;
         let stream = |device| {
             let next = Cell::new(events(brick, device).total);
@@ -124,16 +123,17 @@ impl SimFile {
             }
             Kind::Told(tells)
         } else {
-            attribute(brick, path, access, state.now_ns)?
+            attribute(brick, path, access)?
         };
         drop(state);
-        Ok(Self { simulation: simulation.clone(), robot, access, kind })
+        Ok(SimFile { simulation: self.simulation.clone(), robot: self.robot, access, kind })
     }
+}
 
+impl SimFile {
     /// The buttons that are down.
     pub(crate) fn pressed(&self) -> Vec<Button> {
-        let state = self.simulation.state();
-        state.bricks.get(self.robot).map_or_else(Vec::new, |brick| brick.buttons.pressed.clone())
+        self.simulation.pressed(self.robot)
     }
 
     /// What one read gets, at most `room` bytes from an offset. A text is made when its beginning
@@ -171,7 +171,7 @@ impl SimFile {
         let brick = state.bricks.get(self.robot).ok_or(Errno::ENODEV)?;
         match &self.kind {
             Kind::Attribute { id, spec, seen, .. } => {
-                brick.read(*id, spec.name, state.now_ns, bytes)?;
+                brick.read(*id, spec.name, bytes)?;
                 seen.set(Some(brick.notices(*id, spec.name)));
             }
             Kind::Events { device, layout, next } => {
@@ -195,7 +195,6 @@ impl SimFile {
             return Err(Errno::EBADF);
         }
         let mut state = self.simulation.state();
-        let now_ns = state.now_ns;
         let brick = state.bricks.get_mut(self.robot).ok_or(Errno::ENODEV)?;
         match &self.kind {
             Kind::Attribute { id, spec, path, .. } => {
@@ -204,17 +203,12 @@ impl SimFile {
                 } else {
                     state.store(self.robot, *id, spec.name, value)
                 };
-                state.note(self.robot, path, value, stored.map(|stored| stored.taken));
+                let taken = value.len().min(MOST_STORED);
+                state.note(self.robot, path, value, stored.map(|_| taken));
                 drop(state);
-                let stored = stored?;
-                Ok(stored.wait.map_or(Write::Done(stored.taken), |wait| {
-                    Write::Waits(Waiting {
-                        simulation: self.simulation.clone(),
-                        robot: self.robot,
-                        id: *id,
-                        taken: stored.taken,
-                        wait,
-                    })
+                let (simulation, robot, id) = (self.simulation.clone(), self.robot, *id);
+                Ok(stored?.map_or(Write::Done(taken), |wait| {
+                    Write::Waits(Waiting { simulation, robot, id, taken, wait })
                 }))
             }
             // The EV3's buttons have no lights and no sounds: the kernel takes what is written and
@@ -223,7 +217,7 @@ impl SimFile {
                 Ok(Write::Done(value.len() / layout.length() * layout.length()))
             }
             Kind::Events { device: Device::Speaker, layout, .. } => {
-                let answer = brick.speaker.write(value, *layout, now_ns);
+                let answer = brick.speaker.write(value, *layout, brick.now_ns);
                 let path = brick.board.platform.speaker.unwrap_or_default();
                 state.note(self.robot, path, value, answer);
                 answer.map(Write::Done)
@@ -254,8 +248,7 @@ impl SimFile {
         let Some(brick) = state.bricks.get(self.robot) else { return false };
         match &self.kind {
             Kind::Attribute { id, spec, seen, .. } => {
-                brick.registered_ns(*id).is_some()
-                    && seen.get() != Some(brick.notices(*id, spec.name))
+                brick.node(*id).is_some() && seen.get() != Some(brick.notices(*id, spec.name))
             }
             Kind::Events { device, next, .. } => events(brick, *device).total > next.get(),
             Kind::Screen | Kind::Told(_) => false,
@@ -276,12 +269,12 @@ impl SimFile {
     fn is_gone(&self) -> bool {
         let Kind::Attribute { id, .. } = self.kind else { return false };
         let state = self.simulation.state();
-        state.bricks.get(self.robot).and_then(|brick| brick.registered_ns(id)).is_none()
+        state.bricks.get(self.robot).and_then(|brick| brick.node(id)).is_none()
     }
 }
 
 /// An attribute by its path below `sys/class` or `sys/devices`.
-fn attribute(brick: &Brick, path: &str, access: Access, now_ns: i64) -> Result<Kind, Errno> {
+fn attribute(brick: &Brick, path: &str, access: Access) -> Result<Kind, Errno> {
     let (id, attribute) = match brick.locate(path) {
         Some(found) => found,
         None => return Err(brick.list(path).map_or(Errno::ENOENT, |_| Errno::EISDIR)),
@@ -293,12 +286,12 @@ fn attribute(brick: &Brick, path: &str, access: Access, now_ns: i64) -> Result<K
     let reads = access != Access::Write;
     let writes = access != Access::Read;
     if (reads && spec.direction == Direction::Writeable)
-        || (writes && (spec.direction == Direction::Readable || brick.is_denied(id, now_ns)))
+        || (writes && (spec.direction == Direction::Readable || brick.is_denied(id)))
     {
         return Err(Errno::EACCES);
     }
-    let (class, name) = brick.name(id).ok_or(Errno::ENOENT)?;
-    let path = format!("sys/class/{}/{name}/{attribute}", class.as_str());
+    let node = brick.node(id).ok_or(Errno::ENOENT)?;
+    let path = format!("sys/class/{}/{}/{attribute}", node.class.as_str(), node.name);
     Ok(Kind::Attribute { id, spec, path, seen: Cell::new(None) })
 }
 

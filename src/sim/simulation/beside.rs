@@ -25,8 +25,8 @@ impl Simulation {
     }
 
     fn set_button(&self, robot: usize, button: Button, down: bool) -> Result<(), Errno> {
-        self.with_brick(robot, |brick, now_ns| {
-            brick.buttons.set(button, down, now_ns);
+        self.with_brick(robot, |brick| {
+            brick.buttons.set(button, down, brick.now_ns);
             Ok(())
         })
     }

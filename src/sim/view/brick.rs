@@ -1,10 +1,11 @@
 //! What of a brick's devices a person is shown: what a program would read now.
 
 use super::{DeviceView, Light};
-use crate::ev3dev::{Hue, Lamp, PortAddress};
+use crate::ev3dev::{Hue, Lamp};
 use crate::printable;
 use crate::senses;
 use crate::sim::brick::{Brick, Class};
+use crate::sim::driver::Identity;
 
 /// Furthest that the ultrasonic measures, in the numbers of its two units; what it says without an
 /// echo.
@@ -15,22 +16,22 @@ const INFRARED_M: f64 = 0.007;
 
 impl Brick {
     /// The devices on the ports, in the order of the ports.
-    pub(crate) fn device_views(&self, now_ns: i64) -> Vec<DeviceView> {
+    pub(crate) fn device_views(&self) -> Vec<DeviceView> {
         let mut views: Vec<DeviceView> = [Class::Sensor, Class::TachoMotor, Class::DcMotor]
             .into_iter()
             .flat_map(|class| {
-                self.names(class).filter_map(move |name| self.device_view(class, name, now_ns))
+                self.names(class).filter_map(move |name| self.device_view(class, name))
             })
             .collect();
         views.sort_by_key(|view| view.port);
         views
     }
 
-    fn device_view(&self, class: Class, name: &str, now_ns: i64) -> Option<DeviceView> {
+    fn device_view(&self, class: Class, name: &str) -> Option<DeviceView> {
         let id = self.find(class.as_str(), name)?;
         let read = |attribute: &str| {
             let mut text = Vec::new();
-            match self.read(id, attribute, now_ns, &mut text) {
+            match self.read(id, attribute, &mut text) {
                 Ok(()) => shown(&text),
                 Err(errno) => format!("{errno:?}"),
             }
@@ -40,8 +41,7 @@ impl Brick {
             Class::DcMotor => ("state", "duty_cycle"),
             _ => ("state", "speed"),
         };
-        let address: PortAddress = read("address").parse().ok()?;
-        let driver = self.driver_name(id)?;
+        let Identity { driver_name: driver, address } = self.node(id)?.identity.as_ref()?;
         let (state, value) = (read(state), read(value));
         let (what, told) = match value.parse::<i32>() {
             Ok(number) if class == Class::Sensor => told(driver, &state, number),
@@ -49,7 +49,7 @@ impl Brick {
             Err(_) => (state.clone(), value.clone()),
         };
         Some(DeviceView {
-            port: crate::sim::Port::named(address.short())?.as_str(),
+            port: crate::sim::Port::named(address)?.as_str(),
             name: name.to_owned(),
             driver,
             state,

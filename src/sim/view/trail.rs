@@ -73,7 +73,7 @@ impl Trail {
                 continue;
             };
             self.path(robot, [truth.x_m, truth.y_m]);
-            let devices = brick.device_views(now_ns);
+            let devices = brick.device_views();
             if let Some(echo_m) = devices.iter().find_map(sighted_m).flatten() {
                 let (sin, cos) = libm::sincos(axis_rad);
                 let [x_m, y_m] = [from[0] + cos * echo_m, from[1] + sin * echo_m];

@@ -24,11 +24,6 @@ pub(in crate::sim) fn direction(angle_rad: f64) -> Point {
     Point::new(cos, sin)
 }
 
-/// The z component of the cross product.
-pub(in crate::sim) fn cross(a: Point, b: Point) -> f64 {
-    a.x * b.y - a.y * b.x
-}
-
 /// A straight piece of wall, without thickness.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::sim) struct Segment {
@@ -63,13 +58,13 @@ impl Segment {
     /// Where a ray meets the segment.
     pub(in crate::sim) fn hit(&self, origin: Point, toward: Point) -> Option<Hit> {
         let along = self.to - self.from;
-        let across = cross(toward, along);
+        let across = toward.perp(&along);
         if across.abs() < 1e-12 {
             return None;
         }
         let offset = self.from - origin;
-        let range_m = cross(offset, along) / across;
-        let share = cross(offset, toward) / across;
+        let range_m = offset.perp(&along) / across;
+        let share = offset.perp(&toward) / across;
         if range_m < 0.0 || !(0.0..=1.0).contains(&share) {
             return None;
         }
@@ -89,7 +84,7 @@ impl Disc {
     fn hit(&self, origin: Point, toward: Point) -> Option<Hit> {
         let offset = self.centre - origin;
         let ahead = offset.dot(&toward);
-        let aside = cross(toward, offset);
+        let aside = toward.perp(&offset);
         let inside = self.radius_m * self.radius_m - aside * aside;
         if ahead < 0.0 || inside < 0.0 || offset.norm() < self.radius_m {
             return None;
@@ -147,9 +142,9 @@ impl Corner {
         if a.dot(&b).abs() > SQUARE_COS || a_m.min(b_m) < CORNER_GAP_M {
             return None;
         }
-        let across = cross(a, b);
-        let at_a = cross(other.from - one.from, b) / across;
-        let at_b = cross(other.from - one.from, a) / across;
+        let across = a.perp(&b);
+        let at_a = (other.from - one.from).perp(&b) / across;
+        let at_b = (other.from - one.from).perp(&a) / across;
         let near = |at: f64, length_m: f64| (-CORNER_GAP_M..=length_m + CORNER_GAP_M).contains(&at);
         let arm = |along, at: f64, length_m: f64| Arm {
             along,

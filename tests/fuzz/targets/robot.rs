@@ -9,7 +9,8 @@ fuzz_target!(|bytes: &[u8]| {
     match RobotConfig::load("robot.toml", bytes) {
         Ok((robot, _)) => {
             assert!(robot.geometry().is_ok(), "{robot:?}");
-            assert!(robot.max_wheel_rad_s.is_finite() && robot.max_wheel_rad_s > 0.0, "{robot:?}");
+            let max_wheel_rad_s = robot.drive.max_wheel_rad_s;
+            assert!(max_wheel_rad_s.is_finite() && max_wheel_rad_s > 0.0, "{robot:?}");
             let limits = robot.battery.limits();
             assert!(limits.warn_v >= limits.slow_v && limits.slow_v >= limits.stop_v, "{limits:?}");
         }

@@ -41,8 +41,10 @@ impl Kind {
         match self {
             Self::Robot => RobotConfig::load("robot.toml", bytes).map(|(robot, _)| {
                 assert!(robot.geometry().is_ok(), "{robot:?}");
-                assert!(robot.max_wheel_rad_s.is_finite() && robot.max_wheel_rad_s > 0.0);
-                assert!(robot.left.ratio.is_finite() && robot.left.ratio != 0.0);
+                assert!(
+                    robot.drive.max_wheel_rad_s.is_finite() && robot.drive.max_wheel_rad_s > 0.0
+                );
+                assert!(robot.drive.left.ratio.is_finite() && robot.drive.left.ratio != 0.0);
             }),
             Self::World => World::parse("world.toml", bytes).map(|(world, _)| {
                 let _ = WorldPhysics::new(world, 1, 1);

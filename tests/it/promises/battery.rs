@@ -5,10 +5,10 @@ use std::process::Command;
 use std::sync::Arc;
 
 use onbrick::clock::MonotonicClock;
+use onbrick::ev3dev::Technology;
 use onbrick::recording::{Level, Run};
 use onbrick::runtime::{StopReason, replay};
 use onbrick::senses::Channel;
-use onbrick::sim::Pack;
 
 use crate::mount::bench::{Mounted, await_or_fail, real_time};
 use crate::support::pass_over;
@@ -19,8 +19,8 @@ use crate::support::tested_program;
 
 const RAMP: &str = "[[battery]]\nat_s = 0\nfrom_v = 8.0\nto_v = 5.0\nover_s = 60\n";
 
-fn run_down(pack: Pack) -> Played {
-    let play = Play { pack, journal: true, ..Play::of("map", "arena", 3).seconds(100.0) };
+fn run_down(cells: Technology) -> Played {
+    let play = Play { cells, journal: true, ..Play::of("map", "arena", 3).seconds(100.0) };
     play.scenario(RAMP).play().unwrap()
 }
 
@@ -58,10 +58,11 @@ fn fastest(played: &Played, from_s: f64, to_s: f64) -> i64 {
 
 #[test]
 fn promise_6_a_battery_from_8_v_to_5_v_warns_slows_down_and_stops_in_time() {
-    for (pack, cells, limits) in
-        [(Pack::Aa, "Unknown", [6.2, 5.5, 5.2]), (Pack::LithiumIon, "Li-ion", [7.1, 6.5, 6.2])]
-    {
-        let played = run_down(pack);
+    for (fed, cells, limits) in [
+        (Technology::Unknown, "Unknown", [6.2, 5.5, 5.2]),
+        (Technology::LiIon, "Li-ion", [7.1, 6.5, 6.2]),
+    ] {
+        let played = run_down(fed);
         let run = played.run();
         assert_eq!(run.info.as_ref().unwrap().cells.as_str(), cells);
         assert_eq!(played.reason, StopReason::Battery, "{:?}", run.logs);
@@ -98,7 +99,7 @@ fn promise_6_a_battery_from_8_v_to_5_v_warns_slows_down_and_stops_in_time() {
 
 #[test]
 fn promise_6_a_replay_after_a_gap_knows_how_low_the_battery_was() {
-    let played = run_down(Pack::Aa);
+    let played = run_down(Technology::Unknown);
     let mut bytes = played.disk.bytes();
     let run = played.run();
     let (slow_s, _) = said(&run, "very low");

@@ -5,10 +5,10 @@ use std::sync::{Arc, Mutex};
 
 use onbrick::behavior::{MachineState, Since, Taken};
 use onbrick::ev3dev::{EV3, Technology};
-use onbrick::mapping::{Estimate, MapPoint, Pose, Range};
+use onbrick::mapping::{Estimate, MapPoint, Pose, Range, RangeMount};
 use onbrick::recording::{
-    End, Grid, Info, Level, MachineNames, Options, Pace, RangeSensor, Recorder, Sink, Start,
-    StateNames, TickRecord, TickSide,
+    End, Grid, Info, Level, MachineNames, Options, Pace, Recorder, Sink, Start, StateNames,
+    TickRecord, TickSide,
 };
 use onbrick::runtime::{PilotState, StopReason};
 use onbrick::senses::{Channel, Senses};
@@ -62,12 +62,11 @@ pub(crate) fn start(pace: Pace) -> Start {
         robot_toml: "name = \"mapper\"\n".to_owned(),
         mission_toml: "name = \"map\"\n# ü\n".to_owned(),
         world_toml: Some("name = \"arena\"\n".to_owned()),
-        range: Some(RangeSensor {
+        range: Some(RangeMount {
             ahead_m: 0.05,
-            min_m: 0.03,
             max_m: 2.0,
-            field_of_view_rad: 0.35,
-            infrared: false,
+            half_cone_rad: 0.175,
+            ..RangeMount::default()
         }),
         machines: vec![MachineNames {
             name: "drive".to_owned(),

@@ -145,8 +145,8 @@ pub(crate) fn assert_near(what: &str, bench: &Bench, robot: &Source, calibration
         calibration.apply(robot).unwrap_or_else(|error| panic!("{what}: {error}\n{calibration:?}"));
     let after = load(&Source { name: "robot.toml".to_owned(), text });
     let numbers = [
-        ("circumference", after.wheel_circumference_m, bench.model.wheel_circumference_m),
-        ("track", after.track_width_m, bench.model.track_width_m),
+        ("circumference", after.drive.wheel_circumference_m, bench.model.wheel_circumference_m),
+        ("track", after.drive.track_width_m, bench.model.track_width_m),
     ];
     for (name, found, truth) in numbers {
         let off = found / truth - 1.0;
@@ -265,10 +265,10 @@ fn the_wheels_alone_or_the_track_alone_leaves_the_other_number() {
     // What the heading needs is the ratio, and that is right though the circumference is not.
     let text = calibration.apply(&robot).unwrap();
     let after = load(&Source { name: "robot.toml".to_owned(), text });
-    let ratio = after.track_width_m / after.wheel_circumference_m;
+    let ratio = after.drive.track_width_m / after.drive.wheel_circumference_m;
     let truth = bench.model.track_width_m / bench.model.wheel_circumference_m;
     assert!((ratio / truth - 1.0).abs() < NEAR, "{ratio} instead of {truth}");
-    assert!((after.wheel_circumference_m - 0.188_976 * 0.9).abs() < 1e-6);
+    assert!((after.drive.wheel_circumference_m - 0.188_976 * 0.9).abs() < 1e-6);
 }
 
 #[test]

@@ -45,8 +45,8 @@ fn setup_writes_a_file_from_answers_and_never_over_one_that_is_there() {
     let path = folder.path().join("robot.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let robot = load(&Source { name: "robot.toml".to_owned(), text: text.clone() });
-    assert_eq!((robot.name.as_str(), robot.wheel_circumference_m), ("tester", 0.2));
-    assert_eq!((robot.left.ratio, robot.right.ratio), (1.0, -1.0));
+    assert_eq!((robot.name.as_str(), robot.drive.wheel_circumference_m), ("tester", 0.2));
+    assert_eq!((robot.drive.left.ratio, robot.drive.right.ratio), (1.0, -1.0));
     assert_eq!(robot.range.unwrap().ahead_m, 0.06);
 
     let refused = onbrick(folder.path(), &setup);

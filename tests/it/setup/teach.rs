@@ -146,11 +146,11 @@ fn ports_and_directions_come_out_right_however_the_robot_is_built() {
         let port =
             |port: &Option<onbrick::ev3dev::PortAddress>| port.as_ref().map(ToString::to_string);
         assert_eq!(
-            (port(&robot.left.port), port(&robot.right.port)),
+            (port(&robot.drive.left.port), port(&robot.drive.right.port)),
             (Some(left.to_owned()), Some(right.to_owned()))
         );
         assert_eq!(
-            (robot.left.ratio < 0.0, robot.right.ratio < 0.0),
+            (robot.drive.left.ratio < 0.0, robot.drive.right.ratio < 0.0),
             (left_inverted, right_inverted)
         );
         let found = robot.head.unwrap();

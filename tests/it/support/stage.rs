@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
 use onbrick::clock::{Clock, SECOND_NS, VirtualClock};
-use onbrick::ev3dev::{Access, EV3, Platform, Tree};
+use onbrick::ev3dev::{Access, EV3, Platform, Technology, Tree};
 use onbrick::mapping::Pose;
 use onbrick::recording::{Pace, Run};
 use onbrick::robot::DEFAULT_ROBOT;
@@ -14,7 +14,7 @@ use onbrick::runtime::{
     Brick, Ended, Environment, Event, Heartbeat, Job, Refused, Source, StopFlags, StopReason,
     execute,
 };
-use onbrick::sim::{Observer, Pack, Scenario, Simulation, Truth, World, WorldPhysics, Written};
+use onbrick::sim::{Observer, Scenario, Simulation, Truth, World, WorldPhysics, Written};
 
 use super::faulty::{FaultySink, FaultyTree, Plan};
 use super::memory::MemoryDisk;
@@ -38,7 +38,7 @@ pub struct Play {
     pub wall_offset_ns: i64,
     /// Keep what is written to the brick from the run's beginning on.
     pub journal: bool,
-    pub pack: Pack,
+    pub cells: Technology,
     pub platform: &'static Platform,
     /// As `--no-button` says.
     pub no_button: bool,
@@ -64,7 +64,7 @@ impl Play {
             sync_ns: SECOND_NS,
             wall_offset_ns: 0,
             journal: false,
-            pack: Pack::Aa,
+            cells: Technology::Unknown,
             platform: &EV3,
             no_button: false,
             clock: Arc::default(),
@@ -100,7 +100,7 @@ impl Play {
             self.seed,
             onbrick::sim::Options {
                 platform: self.platform,
-                pack: self.pack,
+                cells: self.cells,
                 ..Default::default()
             },
         );

@@ -37,9 +37,8 @@ impl Encoder {
         (self.edges, self.exact) = (edges, exact);
         let moved = edges - before;
         if moved == 0 {
-            let idle =
-                self.ring.get(self.newest).is_none_or(|(_, at_ns)| now_ns - at_ns >= IDLE_NS);
-            if idle {
+            let (_, at_ns) = self.ring[self.newest];
+            if now_ns - at_ns >= IDLE_NS {
                 self.log(edges, now_ns);
             }
             return;
@@ -60,17 +59,14 @@ impl Encoder {
 
     fn log(&mut self, count: i64, at_ns: i64) {
         self.newest = (self.newest + 1) % LENGTH;
-        if let Some(entry) = self.ring.get_mut(self.newest) {
-            *entry = (count, at_ns);
-        }
+        self.ring[self.newest] = (count, at_ns);
         self.speed = self.measure();
     }
 
     fn measure(&self) -> i64 {
-        let back = |steps: usize| self.ring.get((self.newest + LENGTH - steps) % LENGTH);
-        let Some((count, at_ns)) = back(0) else { return 0 };
+        let (count, at_ns) = self.ring[self.newest];
         for steps in (STRIDE..=MOST_BACK).step_by(STRIDE) {
-            let Some((older_count, older_ns)) = back(steps) else { return 0 };
+            let (older_count, older_ns) = self.ring[(self.newest + LENGTH - steps) % LENGTH];
             let span_ns = at_ns - older_ns;
             if span_ns >= SPAN_NS || steps == MOST_BACK {
                 return (count - older_count).saturating_mul(1_000_000_000) / span_ns.max(1);
