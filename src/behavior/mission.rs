@@ -146,6 +146,7 @@ mod outputs;
 mod plan;
 mod program;
 
+pub(super) use load::can_be_name;
 use plan::{Assignment, DrivePlan, GoalPlan, MotionPlan, Outputs, SoundPlan};
 pub use plan::{MachinePlan, RegionPlan, StatePlan, TransitionPlan};
 pub use program::{Program, ProgramState};

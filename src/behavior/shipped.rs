@@ -1,6 +1,7 @@
 //! The missions and sub-machines that come with the program, and the template that a new mission
 //! starts from.
 
+use super::mission::can_be_name;
 use super::submachines;
 
 /// A mission or a sub-machine that comes with the program.
@@ -51,6 +52,19 @@ pub const SUBMACHINES: [Shipped; 4] = [
 
 /// A mission with every key explained, for a person to change.
 pub const TEMPLATE: &str = include_str!("shipped/template.toml");
+
+/// A mission's text under another name, by which its runs are called; as it is where that cannot be
+/// a name.
+#[must_use]
+pub fn called(text: &str, name: &str) -> String {
+    let own = text.lines().find_map(|line| line.strip_prefix("name = \"")?.split('"').next());
+    match own {
+        Some(own) if can_be_name(name) && !name.contains(['"', '\\']) => {
+            text.replacen(&format!("name = \"{own}\""), &format!("name = \"{name}\""), 1)
+        }
+        _ => text.to_owned(),
+    }
+}
 
 /// The shipped mission of this name.
 #[must_use]

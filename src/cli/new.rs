@@ -1,5 +1,6 @@
 //! `onbrick new`: a commented file to start from.
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use super::common::{WRITABLE, must_be_new};
@@ -72,6 +73,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         return Ok(());
     };
     must_be_new(path)?;
+    // Its runs are called by the name in the text.
+    let name = path.file_stem().and_then(OsStr::to_str);
+    let text = match (arguments.what, name) {
+        (What::Mission, Some(name)) => &shipped::called(text, name),
+        _ => text,
+    };
     save::create(path, text, Readers::AsUsual)
         .map_err(|error| Failure::new(Exit::Failed, with_causes(&error)).hint(WRITABLE))?;
     output.wrote(path);

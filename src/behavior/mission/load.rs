@@ -266,10 +266,14 @@ impl<'d> Reader<'_, 'd, '_> {
     }
 }
 
-/// Says so where a text cannot be a name: names stand in messages, in graphs and on a small screen.
+/// Names stand in messages, in graphs and on a small screen.
+pub(in crate::behavior) fn can_be_name(name: &str) -> bool {
+    (1..=NAME_CHARACTERS).contains(&name.chars().count()) && name.chars().all(is_printable)
+}
+
+/// Says so where a text cannot be a name.
 fn is_name(name: &str, item: &Item<'_>) -> bool {
-    let length = name.chars().count();
-    let good = (1..=NAME_CHARACTERS).contains(&length) && name.chars().all(is_printable);
+    let good = can_be_name(name);
     if !good {
         item.error_at_key(format!(
             "a name has 1 to {NAME_CHARACTERS} characters on one line, not `{}`",

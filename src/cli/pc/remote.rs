@@ -223,7 +223,9 @@ pub(super) fn conclude<T>(
         }
     }
     let Some(first) = failures.first() else { return Ok(()) };
-    let message = format!("{} of {} did not do it", failures.len(), counted(asked, "brick"));
+    let silent = failures.iter().all(|failure| failure.exit == Exit::NoAnswer);
+    let what = if silent { "did not answer" } else { "did not do it" };
+    let message = format!("{} of {} {what}", failures.len(), counted(asked, "brick"));
     let hint = first.hint.clone();
     let all_alike =
         failures.len() == asked && failures.iter().all(|failure| failure.exit == first.exit);

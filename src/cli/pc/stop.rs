@@ -28,10 +28,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let asking = arguments.bricks.asking(Unnamed::All)?;
     let mut answers = asking.ask(|client, _| client.stop(arguments.run.as_ref()));
     for (_, answer) in &mut answers {
-        if let Err(failure) = answer
-            && failure.exit == Exit::NoAnswer
-        {
-            failure.hint = Some(WITHOUT_NETWORK.to_owned());
+        if let Err(failure) = answer {
+            let first = failure.hint.take().filter(|_| failure.exit != Exit::NoAnswer);
+            let ways = first.into_iter().chain([WITHOUT_NETWORK.to_owned()]);
+            failure.hint = Some(ways.collect::<Vec<_>>().join("; "));
         }
     }
     let mut turning = Vec::new();

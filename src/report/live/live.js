@@ -47,7 +47,7 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
 });
 
 // Several robots have a colour each; a single one that of the truth.
-const several = ["#0b66b5", "#b35000", "#7a3fc0", "#0b8a8f", "#8a6a00", "#a02a78"];
+const several = ["#0b66b5", "#7a3fc0", "#0b8a8f", "#a02a78", "#8a6a00", "#b35000"];
 const colour = (robot) =>
   news.sim.robots.length > 1 ? several[robot % several.length] : css.truth;
 const alpha = (hex, part) =>

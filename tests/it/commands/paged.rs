@@ -256,7 +256,7 @@ fn a_browser_shows_a_run_and_a_hand_steers_the_simulation() {
     assert_eq!(code, Some(0));
     assert_eq!((&seen["wide"], &seen["width"]), (&true.into(), &390.into()), "fits a phone");
     assert_eq!(seen["dark"], "rgb(20, 23, 27)");
-    assert_eq!((&seen["title"], &seen["screen"]), (&"map in arena".into(), &178.into()));
+    assert_eq!((&seen["title"], &seen["screen"]), (&"my in arena".into(), &178.into()));
     assert!(["forward", "look_left"].contains(&seen["state"].as_str().unwrap()), "{seen}");
     let units = seen["units"].as_str().unwrap();
     assert!(units.contains("°/s") && units.contains("range_m") && !units.contains("US-DIST"));
@@ -268,11 +268,11 @@ fn a_browser_shows_a_run_and_a_hand_steers_the_simulation() {
     assert!((1.5..6.0).contains(&number("rate")), "{} times as fast", number("rate"));
     assert!(number("off") < -0.3, "the robot does not know that it was carried");
     let ended = seen["ended"].as_str().unwrap();
-    assert!(ended.contains("stopped on the page") && ended.contains("map-1/run.mcap"), "{ended}");
+    assert!(ended.contains("stopped on the page") && ended.contains("my-1/run.mcap"), "{ended}");
     assert_eq!((&seen["hidden"], &seen["fresh"]), (&true.into(), &true.into()));
     assert!(number("again").abs() < 0.1, "it starts where it started");
     assert!(number("time") > 59.0 && number("points") > 100.0);
-    assert!(bytes(folder.path(), "onbrick-runs/map-2").len() > 1000);
+    assert!(bytes(folder.path(), "onbrick-runs/my-2").len() > 1000);
 }
 
 /// Of a brick the page shows what its recording has; nothing there can be steered, but it can stop.

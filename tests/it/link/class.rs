@@ -279,6 +279,7 @@ fn a_class() {
     tab.until("document.querySelector('#verdict').dataset.good === 'true'");
     let read = || std::fs::read_to_string(class.path("missions/round.toml")).unwrap();
     let whole = read();
+    assert!(whole.contains("\nname = \"round\""), "its runs are called by its name: {whole}");
     tab.eval("document.querySelector('textarea').select()");
     tab.text("name = \"round\"\nrate = 3\n");
     tab.until("document.querySelector('.findings').innerText.includes('rate')");
@@ -305,6 +306,27 @@ fn a_class() {
     tab.until("document.querySelector('#verdict').dataset.good === 'true'");
     let kept = std::fs::read_dir(class.path("kept/round")).unwrap().count();
     assert!(kept >= 3, "each edit is kept: {kept}; the first: {whole}");
+
+    // What cannot be saved stays until it can be.
+    std::fs::write(class.path("missions/other.toml"), "name = \"other\"\n").unwrap();
+    tab.eval("location.hash = '#/'");
+    tab.until("document.querySelector('.card')");
+    tab.eval("location.hash = '#/missions'");
+    tab.until("document.querySelectorAll('#work .list button').length === 2");
+    let grown = "document.querySelector('textarea').value.length > 70000";
+    tab.eval(
+        "(() => { const area = document.querySelector('textarea'); \
+         area.value += '#'.repeat(70000); area.dispatchEvent(new Event('input')); })()",
+    );
+    let refused = "document.querySelector('#told').textContent.includes('at most 65536 bytes')";
+    tab.until(refused);
+    tab.eval("document.querySelector('#told').textContent = ''");
+    tab.click("#work .list", "other");
+    tab.until(refused);
+    assert_eq!(tab.eval(grown), json!(true));
+    tab.eval("document.querySelector('textarea').select()");
+    tab.text(&map);
+    tab.until("document.querySelector('#verdict').dataset.good === 'true'");
 
     // It is tried at once.
     tab.click("#work", "Try it here");
@@ -411,6 +433,7 @@ fn a_class() {
         tab.eval("document.querySelector('textarea').value"),
         json!("name = \"in no file\"\n")
     );
+    tab.until("document.querySelector('#told').textContent.endsWith('does not answer')");
     tab.picture("8-ended");
 }
 

@@ -70,7 +70,7 @@ fn a_mission_finishes_by_itself_within_the_time_limit_that_was_set_and_its_ident
     let mut served = Served::simulated("");
     let limit = SettingsChange { time_limit_s: Some(1.0), ..SettingsChange::default() };
     assert_eq!(served.own::<Settings>(&LocalOnly::SetSettings(limit)).time_limit_s, Some(1.0));
-    served.drive("straight");
+    assert_eq!(served.start("limited", "straight").limited_s, Some(1.0));
     let last = served.await_state(State::Stopped).last.unwrap();
     assert_eq!((last.stop.reason.word().as_str(), last.is_wanted()), ("time limit", true));
     let none = SettingsChange { time_limit_s: Some(0.0), ..SettingsChange::default() };

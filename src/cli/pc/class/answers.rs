@@ -88,7 +88,9 @@ fn shown(hall: &Hall, path: &[&str], asked: Asked<'_>) -> Result<Shown, String> 
         ["state"] => Shown::json(hall.state(value("since"))),
         ["missions"] => json(&hall.missions.list()),
         ["missions", "text"] => json(&json!(hall.missions.read(value("name"))?)),
-        ["missions", "template"] => json(&json!(Missions::template(value("name"))?)),
+        ["missions", "template"] => {
+            json(&json!(Missions::template(value("name"), value("called"))?))
+        }
         ["missions", "versions"] => json(&hall.missions.versions(value("name"))?),
         ["missions", "version"] => {
             json(&json!(hall.missions.version(value("name"), value("stamp"))?))

@@ -61,13 +61,14 @@ impl Missions {
         text_of(&self.file(&named(name)?))
     }
 
-    /// A template's text.
-    pub(super) fn template(name: &str) -> Result<String, String> {
+    /// A template's text, for a mission that is called otherwise.
+    pub(super) fn template(name: &str, called: &str) -> Result<String, String> {
         let text = match name {
             TEMPLATE => Some(shipped::TEMPLATE),
             name => shipped::find(name).map(|mission| mission.text),
         };
-        text.map(str::to_owned).ok_or_else(|| "there is no such template".to_owned())
+        text.map(|text| shipped::called(text, called))
+            .ok_or_else(|| "there is no such template".to_owned())
     }
 
     /// The stamps under which a mission was kept, the newest first.
@@ -290,7 +291,7 @@ mod tests {
     #[test]
     fn a_text_is_checked_as_the_command_checks_it() {
         let missions = Missions::below(Path::new("/nowhere"));
-        let checked = missions.check("mine", &Missions::template("map").unwrap());
+        let checked = missions.check("mine", &Missions::template("map", "mine").unwrap());
         assert_eq!((&checked["good"], &checked["name"]), (&json!(true), &json!("map")));
         let checked = missions.check("mine", "name = \"x\"\nrate = 3\n");
         assert_eq!(checked["good"], json!(false));

@@ -165,10 +165,8 @@ export function show(view) {
     if (!wanted) return name.focus();
     if ((await list()).includes(wanted)) return tell(`${wanted} is there already`);
     if (!(await save())) return;
-    const template = await read(`missions/template?name=${templates.value}`);
-    // Cards and runs are called by the name in the text.
-    const text = template?.replace(/^name = ".*"/m, () => `name = ${JSON.stringify(wanted)}`);
-    if (!text || !(await post("save", { name: wanted, text }))) return;
+    const text = await read(`missions/template?name=${templates.value}&called=${wanted}`);
+    if (text === null || !(await post("save", { name: wanted, text }))) return;
     name.value = "";
     open(wanted, text, text);
   }
@@ -180,8 +178,8 @@ export function show(view) {
   };
   async function history() {
     const { name } = kept;
-    const stamps = (await read(`missions/versions?name=${name}`)) ?? [];
-    if (name !== kept.name) return;
+    const stamps = await read(`missions/versions?name=${name}`);
+    if (!stamps || name !== kept.name) return;
     const chosen = versions.value;
     versions.replaceChildren(
       ...stamps.map((stamp) => Object.assign(option(when(stamp)), { value: stamp })),

@@ -33,8 +33,12 @@ export const tell = (text) => {
   quiet = setTimeout(() => (told.hidden = true), 8000);
 };
 
+const SILENT = "the program that shows this page does not answer";
+
 export const get = async (path) => {
-  const answer = await fetch(path, { cache: "no-store" });
+  const answer = await fetch(path, { cache: "no-store" }).catch(() => {
+    throw new Error(SILENT);
+  });
   if (!answer.ok) throw new Error((await answer.text()).trim());
   return answer.json();
 };
@@ -48,7 +52,7 @@ const sent = async (path, value, more) => {
     if (answer.ok) return answer;
     tell((await answer.text()).trim());
   } catch {
-    tell("the program that shows this page does not answer");
+    tell(SILENT);
   }
   return null;
 };

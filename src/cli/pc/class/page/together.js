@@ -7,6 +7,8 @@ import { colour, draw } from "./picture.js";
 // Where each brick starts: metres, metres, degrees; kept while the page is open.
 const poses = new Map();
 const chosen = new Set();
+// The mission that was chosen last.
+let wanted = "";
 
 export function show(view) {
   const field = element("canvas");
@@ -131,8 +133,8 @@ export function show(view) {
   );
 
   async function start() {
-    if (!missions.value) return tell("write a mission first");
-    const text = await get(`missions/text?name=${missions.value}`);
+    const kind = missions.selectedOptions[0].dataset.kind;
+    const text = await get(`missions/${kind}?name=${missions.value}`);
     const members = [...chosen].map((brick) => ({ brick, pose: poses.get(brick) }));
     map.hidden = true;
     const asked = await post("team", { members, name: missions.value, text });
@@ -178,9 +180,18 @@ export function show(view) {
   );
   team.id = "team";
   put(view, team);
-  get("missions").then((found) =>
-    put(missions, ...found.missions.map((name) => element("option", name))),
-  );
+  get("missions").then(({ missions: own, templates }) => {
+    const shipped = templates.filter((name) => name !== "template" && !own.includes(name));
+    const options = (kind, names) =>
+      names.map((name) => {
+        const made = element("option", name);
+        made.dataset.kind = kind;
+        return made;
+      });
+    put(missions, ...options("text", own), ...options("template", shipped));
+    if (wanted) missions.value = wanted;
+  });
+  missions.addEventListener("change", () => (wanted = missions.value));
   known.together?.members.forEach(([at, pose]) => {
     chosen.add(at);
     poses.set(at, [...pose]);
