@@ -80,7 +80,7 @@
 //! | `status` | | [`Status`]: state, run, battery, and a `token` for a start |
 //! | `missions` | | [`Missions`]: names, hashes, what keeps one from being started |
 //! | `start` | [`Start`]: `run`, `mission` (`{"name": …}` or `{"text": …}` of at most 64 KiB), `token`; `pose`, `set` | [`Started`]; the token must be of a status less than 5 s ago by the brick's clock |
-//! | `stop` | `run`, or nothing for whatever runs | [`Stopped`], when the motors have been told; without `run`, a start with a token from before it is refused (`stopped`), be it under way already |
+//! | `stop` | `run`, or nothing for whatever drives, be it a calibration | [`Stopped`], when the motors have been told; without `run`, a start with a token from before it is refused (`stopped`), be it under way already |
 //! | `runs` | | [`Runs`], the newest first |
 //! | `fetch` | [`Fetch`]: `run`, `offset`, `length`; `sha256` | [`Fetched`] and a frame of `length` bytes, at most 64 KiB ([`MAX_FETCH_BYTES`]); `sha256` of the whole where `complete` and the end is reached, once it is computed |
 //! | `identify` | | [`Done`]: it beeps and blinks |
