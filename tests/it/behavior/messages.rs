@@ -254,6 +254,7 @@ fn cases() -> Vec<(&'static str, String)> {
             .replace("[machine.drive]", "[variables]\nhits = 0\n[machine.drive]"),
         ),
         ("what a state does not do", state("do = { wait_s = 2, set = { hits = 1 }, wiat = 3 }")),
+        ("a turn in radians", state("do = { turn_deg = -1.57 }")),
         ("exactly what is measured", when("heading_deg == 90")),
         (
             "a variable that nothing sets",

@@ -1,6 +1,7 @@
 //! The tables `do`, `on_entry` and `on_exit`: what a state asks of the actuators.
 
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_4;
 use std::ops::Range;
 
 use super::signs::SIGNS;
@@ -69,6 +70,17 @@ const EXPLORE_M: (f64, f64) = (0.1, 5.0);
 const KEEP_M: (f64, f64) = (0.05, 0.45);
 
 type Moves = BTreeMap<Role, Range<usize>>;
+
+/// Warns of a turn by eighths of a circle to two digits, such as 1.57: few turns are so small.
+fn looks_like_radians(item: &Item<'_>, turn_deg: &Expression) {
+    let Some(turn) = turn_deg.always() else { return };
+    let eighths = libm::round(turn / FRAC_PI_4);
+    let is_near = (turn - eighths * FRAC_PI_4).abs() < 0.006;
+    if is_near && turn.fract() != 0.0 && (1.0..=8.0).contains(&eighths.abs()) {
+        item.warning(format!("a turn is in degrees, and {turn} looks like radians"))
+            .hint(format!("in degrees it is {}", 45.0 * eighths));
+    }
+}
 
 impl<'d> Reader<'_, 'd, '_> {
     /// The table `do`; notes in `moves` what is moved, and where.
@@ -269,7 +281,11 @@ impl<'d> Reader<'_, 'd, '_> {
     fn goal(&mut self, table: &Section<'d>, item: &Item<'d>) -> Option<GoalPlan> {
         match item.key() {
             "drive_m" => Some(GoalPlan::Ahead { way_m: self.number(item, WAY_M)? }),
-            "turn_deg" => Some(GoalPlan::Turn { turn_deg: self.number(item, TURN_DEG)? }),
+            "turn_deg" => {
+                let turn_deg = self.number(item, TURN_DEG)?;
+                looks_like_radians(item, &turn_deg);
+                Some(GoalPlan::Turn { turn_deg })
+            }
             "explore_m" => Some(GoalPlan::Explore { within_m: self.number(item, EXPLORE_M)? }),
             "arc" => {
                 let arc = item.section()?;

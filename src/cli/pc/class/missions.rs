@@ -292,7 +292,7 @@ mod tests {
     fn a_text_is_checked_as_the_command_checks_it() {
         let missions = Missions::below(Path::new("/nowhere"));
         let checked = missions.check("mine", &Missions::template("map", "mine").unwrap());
-        assert_eq!((&checked["good"], &checked["name"]), (&json!(true), &json!("map")));
+        assert_eq!((&checked["good"], &checked["name"]), (&json!(true), &json!("mine")));
         let checked = missions.check("mine", "name = \"x\"\nrate = 3\n");
         assert_eq!(checked["good"], json!(false));
         let finding = &checked["findings"][0];
