@@ -20,7 +20,12 @@ use nix::sys::statfs::{FUSE_SUPER_MAGIC, statfs};
 use serde::{Deserialize, Serialize};
 
 use super::open_files;
+use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::printable::{json_line, line};
+
+/// How long one is waited for who only asks whose the hardware is, nanoseconds: some system calls,
+/// and a little for other processes in between.
+const ASKING_NS: i64 = 20 * MILLISECOND_NS;
 
 /// Who owns the hardware.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -166,16 +171,30 @@ impl HardwareLock {
     }
 }
 
-/// Locks the file, or says who has it locked.
+/// Locks the file, or says who has it locked. Who only asks whose it is ([`HardwareLock::owner`])
+/// holds it for a moment, and is waited for.
 fn locked(
-    file: File,
+    mut file: File,
     how: FlockArg,
     failed: impl FnOnce(io::Error) -> LockError,
 ) -> Result<Flock<File>, LockError> {
-    Flock::lock(file, how).map_err(|(mut file, errno)| match errno {
-        Errno::EWOULDBLOCK => LockError::Taken(read_owner(&mut file)),
-        errno => failed(errno.into()),
-    })
+    let clock = MonotonicClock;
+    let deadline_ns = clock.now_ns() + ASKING_NS;
+    loop {
+        let (back, errno) = match Flock::lock(file, how) {
+            Ok(held) => return Ok(held),
+            Err(refused) => refused,
+        };
+        file = back;
+        let takes = matches!(how, FlockArg::LockExclusiveNonblock);
+        match errno {
+            Errno::EWOULDBLOCK if takes && clock.now_ns() < deadline_ns => {
+                clock.sleep_ns(MILLISECOND_NS);
+            }
+            Errno::EWOULDBLOCK => return Err(LockError::Taken(read_owner(&mut file))),
+            errno => return Err(failed(errno.into())),
+        }
+    }
 }
 
 /// Every user that may drive may lock, so the file is writable for all; the sticky folder keeps
@@ -250,6 +269,21 @@ fn lock_path(root: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_only_asks_whose_it_is_keeps_no_run_from_taking_it() {
+        let folder = tempfile::tempdir().unwrap();
+        drop(HardwareLock::take(folder.path(), "mission map").unwrap());
+        let file = File::open(lock_path(folder.path())).unwrap();
+        let asking = Flock::lock(file, FlockArg::LockSharedNonblock).map_err(|(_, errno)| errno);
+        let asking = asking.unwrap();
+        let asks = std::thread::spawn(move || {
+            MonotonicClock.sleep_ns(5 * MILLISECOND_NS);
+            drop(asking);
+        });
+        HardwareLock::take(folder.path(), "mission bump").unwrap();
+        asks.join().unwrap();
+    }
 
     #[test]
     fn the_second_to_come_is_told_who_has_it_and_gets_it_afterwards() {

@@ -167,9 +167,9 @@ impl Service {
             Link::Waits(why) => why.clone(),
             Link::Up(link) => link.state(),
         };
-        let taken = inner.hardware.other_owner().map(|owner| LockError::Taken(owner).to_string());
+        let is_idle = lock(&inner.now).machine.run().is_none();
+        let taken = is_idle.then(|| inner.hardware.other_owner()).flatten();
         let now = lock(&inner.now);
-        let taken = taken.filter(|_| now.machine.run().is_none());
         let progress = now.machine.run().and_then(|run| run.progress.as_ref());
         let sensed_v = progress.and_then(|progress| progress.battery_v);
         let status = Status {
@@ -183,7 +183,7 @@ impl Service {
             battery_v: sensed_v,
             simulated: inner.hardware.machine().is_none(),
             battery: None,
-            taken,
+            taken: taken.map(|owner| LockError::Taken(owner).to_string()),
             token: inner.tokens.make(now_ns),
             link,
             disk,
