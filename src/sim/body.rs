@@ -216,8 +216,7 @@ impl Body {
 
     /// Starts from the grip of the step before: a wheel that pushes a wall would else creep by what
     /// the rounds leave over.
-    fn begin(&mut self) {
-        let ahead = direction(self.heading_rad);
+    fn begin(&mut self, ahead: Point) {
         let [left, right, hold] = self.grips;
         for (wheel, impulse) in self.wheels.into_iter().zip([left, right]) {
             self.push_off(wheel, ahead, impulse);
@@ -226,8 +225,7 @@ impl Body {
     }
 
     /// One round of both wheels' grip and of the tyres' hold sideways.
-    fn grip(&mut self, step_s: f64) {
-        let ahead = direction(self.heading_rad);
+    fn grip(&mut self, ahead: Point, step_s: f64) {
         let limit = self.grip_n * step_s;
         let [mut left, mut right, hold] = self.grips;
         for (wheel, total) in self.wheels.into_iter().zip([&mut left, &mut right]) {
@@ -287,24 +285,31 @@ struct Contact {
 #[derive(Debug, Default)]
 pub(in crate::sim) struct Solver {
     contacts: Vec<Contact>,
+    /// Where each body looks.
+    aheads: Vec<Point>,
 }
 
 impl Solver {
     pub(in crate::sim) fn new(bodies: usize) -> Self {
-        Self { contacts: Vec::with_capacity(32 * bodies) }
+        Self { contacts: Vec::with_capacity(32 * bodies), aheads: Vec::with_capacity(bodies) }
     }
 
     /// Moves all bodies by `step_s`; the motors have been driven, and get the ground's reaction.
     pub(in crate::sim) fn step(&mut self, bodies: &mut [Body], surfaces: &Surfaces, step_s: f64) {
         self.collect(bodies, surfaces);
-        for body in bodies.iter_mut() {
+        // No body turns within the rounds, and a sine is slow in soft float.
+        self.aheads.clear();
+        self.aheads.extend(bodies.iter().map(|body| direction(body.heading_rad)));
+        for (body, ahead) in bodies.iter_mut().zip(&self.aheads) {
             body.drag(step_s);
-            body.begin();
+            body.begin(*ahead);
         }
         // Walls answer first: the wheels already push as in the step before.
         self.contacts.iter_mut().for_each(|contact| resist(contact, bodies, step_s));
         for _ in 0..ROUNDS {
-            bodies.iter_mut().for_each(|body| body.grip(step_s));
+            for (body, ahead) in bodies.iter_mut().zip(&self.aheads) {
+                body.grip(*ahead, step_s);
+            }
             for contact in &mut self.contacts {
                 resist(contact, bodies, step_s);
             }
