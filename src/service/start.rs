@@ -228,8 +228,8 @@ impl Service {
         }
     }
 
-    /// Ends what else drives where a PC asks for it: a calibration, or a run of a shell's. On the
-    /// brick, who drives it has buttons of his own.
+    /// Ends what else drives where a PC asks for it: a calibration, or a run of a shell's. Who asks
+    /// on the brick has its buttons at hand.
     fn stop_other(&self, by: StopBy) -> Result<Stopped, Refusal> {
         let hardware = &self.inner.hardware;
         hardware.let_go();

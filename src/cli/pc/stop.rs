@@ -20,8 +20,8 @@ pub(in crate::cli) struct Arguments {
     run: Option<RunId>,
 }
 
-/// What stops a brick that does not answer.
-const WITHOUT_NETWORK: &str =
+/// What stops a brick that does not do what it is asked for.
+const AT_THE_BRICK: &str =
     "press Enter or Back on the brick, or run `onbrick halt` there, over ssh";
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
@@ -30,7 +30,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     for (_, answer) in &mut answers {
         if let Err(failure) = answer {
             let first = failure.hint.take().filter(|_| failure.exit != Exit::NoAnswer);
-            let ways = first.into_iter().chain([WITHOUT_NETWORK.to_owned()]);
+            let ways = first.into_iter().chain([AT_THE_BRICK.to_owned()]);
             failure.hint = Some(ways.collect::<Vec<_>>().join("; "));
         }
     }
