@@ -130,6 +130,7 @@ const POLICY: &str = "default-src 'none'; style-src 'self'; script-src 'self'; c
 
 /// A page that is being served. Dropping it ends that.
 pub struct LocalPage {
+    port: u16,
     url: String,
     server: Arc<Server>,
     threads: Vec<JoinHandle<()>>,
@@ -162,7 +163,8 @@ impl LocalPage {
         let server = Arc::new(server);
         let below = place.token.as_ref().map_or_else(String::new, |token| format!("/{token}"));
         let url = format!("http://{address}{below}/");
-        let mut page = Self { url, server: Arc::clone(&server), threads: Vec::new() };
+        let mut page =
+            Self { port: address.port(), url, server: Arc::clone(&server), threads: Vec::new() };
         let answer = Arc::new(answer);
         for _ in 0..THREADS {
             let (served, answer, below) = (Arc::clone(&server), Arc::clone(&answer), below.clone());
@@ -177,6 +179,12 @@ impl LocalPage {
             page.threads.push(thread);
         }
         Ok(page)
+    }
+
+    /// The port of 127.0.0.1 that it has.
+    #[must_use]
+    pub(crate) fn port(&self) -> u16 {
+        self.port
     }
 
     /// Where the page is.

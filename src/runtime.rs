@@ -50,6 +50,7 @@ mod prepare;
 mod process;
 mod replay;
 mod stall;
+mod stop_request;
 
 pub use crate::recording::{STALL_NS, Stop, StopReason};
 pub use battery::{Charge, HOLD_NS, SLOW_SHARE};
@@ -58,7 +59,7 @@ pub use child::{
 };
 pub use control::{Control, STOP_SIGNALS, StopFlags, Tally};
 pub use environment::{CreateSink, Environment, SeeTruth, Truth};
-pub use evict::{OrphansError, PATIENCE_NS, evict, signal, stop_orphans};
+pub use evict::{OrphansError, PATIENCE_NS, evict, stop_orphans};
 pub use execute::{Refused, execute};
 pub use guard::{Lines, MISSED_NS, Pulse, Watch};
 pub use lock::{HardwareLock, LockError, Owner};
@@ -69,6 +70,7 @@ pub use process::{ProcessError, control, guard};
 #[cfg(feature = "host")]
 pub(crate) use replay::Again;
 pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, replay, replay_with, whole_map};
+pub use stop_request::{StopRequest, StopWatch};
 
 /// A file as it was read, with the name that findings use.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,13 +1,11 @@
 //! Threads, and what they share.
 
-#[cfg(any(feature = "link", feature = "sim"))]
 mod background;
 
 use std::io;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
 
-#[cfg(any(feature = "link", feature = "sim"))]
 pub(crate) use background::Background;
 
 /// Starts a thread with a name, by which it is known in a debugger and where it panics.

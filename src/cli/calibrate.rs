@@ -6,13 +6,12 @@ use std::sync::Arc;
 use super::brick::{BrickFiles, brick_is_there};
 use super::common::load_robot;
 use super::setup::not_written;
-use super::terminal::{Terminal, driving_flags};
-use super::{Context, Exit, Failure, Hint, Output};
+use super::terminal::{Driving, Terminal};
+use super::{Exit, Failure, Output};
 use crate::clock::MonotonicClock;
 use crate::commissioning::{ApplyError, CalibrateError, CalibrateOptions, Straight};
 use crate::document::save;
 use crate::ev3dev::Tree;
-use crate::runtime::HardwareLock;
 
 /// Measure wheel circumference, track width and the gyro's scale by driving, and write them into
 /// robot.toml.
@@ -88,15 +87,13 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let robot = load_robot(Some(&arguments.robot))?;
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
     brick_is_there(&tree)?;
-    let flags = driving_flags()?;
-    let _lock = HardwareLock::take(arguments.brick.root(), "onbrick calibrate")
-        .context(Exit::Refused, "the robot is taken")
-        .hint("onbrick halt")?;
-    let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
+    let driving = Driving::begin(arguments.brick.root(), "onbrick calibrate")?;
+    let flags = &driving.flags;
+    let mut terminal = Terminal::open(arguments.answers.as_deref(), flags)?;
     let calibration = crate::commissioning::calibrate(
         &tree,
         &MonotonicClock,
-        &flags,
+        flags,
         &mut terminal,
         &robot.config,
         &options(arguments),

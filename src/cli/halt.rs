@@ -3,16 +3,17 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use nix::sys::signal::Signal;
 use serde::Serialize;
 
 use super::brick::no_brick;
 use super::{Context, Exit, Failure, Output};
 use crate::clock::{Clock, MonotonicClock, SECOND_NS};
 use crate::ev3dev::{Inventory, LocalTree, Tree};
+use crate::printable::with_causes;
 use crate::robot::{Halted, halt, watch_still};
 use crate::runtime::{
-    HardwareLock, LockError, OrphansError, Owner, PATIENCE_NS, evict, signal, stop_orphans,
+    HardwareLock, LockError, OrphansError, Owner, PATIENCE_NS, StopBy, StopRequest, evict,
+    stop_orphans,
 };
 
 /// Stop the run that drives, then every motor, and watch for a second that nothing moves.
@@ -140,8 +141,13 @@ fn stop_owner(root: &Path, clock: &dyn Clock) -> Result<(Option<Owner>, bool), F
     let Some(owner) = HardwareLock::owner(root).context(Exit::Failed, DOING)? else {
         return Ok((None, true));
     };
-    // One that is gone, or of another user, shows below.
-    let _ = signal(root, owner.pid, Signal::SIGTERM);
+    let request = StopRequest::make(root, StopBy::Here);
+    if let Err(error) = &request {
+        log::warn!(
+            "the run is not asked to stop, and is about to be killed: {}",
+            with_causes(error)
+        );
+    }
     let ended = evict(root, clock, PATIENCE_NS, |_| true).context(Exit::Failed, DOING)?;
     Ok((Some(owner), ended))
 }

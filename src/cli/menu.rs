@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
@@ -19,7 +18,7 @@ use crate::menu::{
     ServiceConnection, StartedBy, TalkKind, Talker, Told, Trouble, WIDTH, attend,
 };
 use crate::protocol::{Answer, LocalRequest};
-use crate::runtime::{HardwareLock, StopBy, StopFlags};
+use crate::runtime::{HardwareLock, StopFlags};
 use crate::service::client::{Client, ClientError};
 use crate::service::config::BRICK_FOLDER;
 
@@ -104,11 +103,7 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
             patience: ORDER_PATIENCE,
         }),
     ];
-    let talks = StopFlags::default();
-    // A stop from a PC ends a calibration, and not the menu.
-    talks.on_signal_of(StopBy::Remote).context(Exit::Failed, "cannot listen to signals")?;
-    let (brick, robot) = (arguments.brick.tree(), config.robot.clone());
-    let mut talker = RobotTalker { brick, robot, remote: talks.remote };
+    let mut talker = RobotTalker { brick: arguments.brick.tree(), robot: config.robot.clone() };
     let show = |keys: &mut dyn Keys, display: &mut dyn Display| {
         let parts = Parts {
             clock: &MonotonicClock,
@@ -203,17 +198,12 @@ impl ServiceConnection for SocketConnection {
 struct RobotTalker {
     brick: LocalTree,
     robot: PathBuf,
-    /// A PC asks to stop.
-    remote: Arc<AtomicBool>,
 }
 
 impl Talker for RobotTalker {
     fn begin(&mut self, kind: TalkKind, told: Sender<Told>) -> Replies {
         let (sender, replies) = channel();
-        // It is for what drives now.
-        self.remote.store(false, Ordering::Relaxed);
-        let flags = StopFlags { remote: Arc::clone(&self.remote), ..StopFlags::default() };
-        let pressed = Arc::default();
+        let (pressed, flags) = (Arc::default(), StopFlags::default());
         let answers = Replies { sender, pressed: Arc::clone(&pressed), flags: flags.clone() };
         let dialogue = ScreenDialogue { told: told.clone(), replies, pressed, flags };
         let (brick, robot) = (self.brick.clone(), self.robot.clone());
@@ -241,6 +231,8 @@ fn talk(
     let _lock = HardwareLock::take(brick.root(), doing).map_err(|error| text(&error))?;
     let tree: Arc<dyn Tree> = Arc::new(brick.clone());
     let flags = dialogue.flags.clone();
+    // A stop from a PC ends a calibration, and not the menu.
+    let _requests = flags.watch_requests(brick.root()).map_err(|error| text(&error))?;
     let written = match measures {
         None => crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut dialogue)
             .map_err(|error| text(&error))?,

@@ -5,13 +5,12 @@ use std::sync::Arc;
 
 use super::brick::brick_is_there;
 use super::common::WRITABLE;
-use super::terminal::{Terminal, driving_flags};
-use super::{Context, Exit, Failure, Hint, Output};
+use super::terminal::{Driving, Terminal};
+use super::{Exit, Failure, Output};
 use crate::clock::MonotonicClock;
 use crate::commissioning::SetupError;
 use crate::document::save::{self, Readers, SaveError};
 use crate::ev3dev::{LocalTree, Tree};
-use crate::runtime::HardwareLock;
 
 /// Write robot.toml from what is plugged in, asking which wheel moved.
 ///
@@ -49,12 +48,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
     brick_is_there(&tree)?;
-    let flags = driving_flags()?;
-    let _lock = HardwareLock::take(&arguments.brick, "onbrick setup")
-        .context(Exit::Refused, "the robot is taken")
-        .hint("onbrick halt")?;
-    let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
-    let text = crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut terminal)
+    let driving = Driving::begin(&arguments.brick, "onbrick setup")?;
+    let flags = &driving.flags;
+    let mut terminal = Terminal::open(arguments.answers.as_deref(), flags)?;
+    let text = crate::commissioning::setup(&tree, &MonotonicClock, flags, &mut terminal)
         .map_err(|error| failed(file, &error))?;
     let kept = if arguments.force {
         save::replace(file, &text).map_err(|error| not_written(&error))?

@@ -15,9 +15,9 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use super::output::safe;
-use super::{Context, Exit, Failure};
+use super::{Context, Exit, Failure, Hint};
 use crate::commissioning::{Dialogue, NoAnswer};
-use crate::runtime::{STOP_SIGNALS, StopFlags};
+use crate::runtime::{HardwareLock, STOP_SIGNALS, StopFlags, StopWatch};
 
 /// How long a nap is, milliseconds.
 const NAP_MS: u8 = 100;
@@ -174,9 +174,26 @@ fn chosen(answer: &str, choices: &[&str], default: usize) -> Option<usize> {
     fitting.next().is_none().then_some(choice)
 }
 
-/// Flags that the signals that stop a run raise: for a command that turns motors itself.
-pub(super) fn driving_flags() -> Result<StopFlags, Failure> {
-    StopFlags::on_signals().context(Exit::Failed, NO_SIGNALS)
+/// The hardware below a brick's root, for a command that turns motors itself.
+pub(super) struct Driving {
+    /// Raised by whatever stops a run.
+    pub(super) flags: StopFlags,
+    _requests: StopWatch,
+    _lock: HardwareLock,
+}
+
+impl Driving {
+    /// - `doing`: what others are told of it.
+    pub(super) fn begin(root: &Path, doing: &str) -> Result<Self, Failure> {
+        let flags = StopFlags::on_signals().context(Exit::Failed, NO_SIGNALS)?;
+        let _lock = HardwareLock::take(root, doing)
+            .context(Exit::Refused, "the robot is taken")
+            .hint("onbrick halt")?;
+        let _requests = flags
+            .watch_requests(root)
+            .context(Exit::Failed, "cannot listen to requests to stop")?;
+        Ok(Self { flags, _requests, _lock })
+    }
 }
 
 /// Flags that Ctrl-C, SIGTERM and SIGHUP raise; Ctrl-Z suspends as usual.

@@ -75,19 +75,9 @@ impl StopFlags {
             signal_hook::flag::register(signal, Arc::clone(&flags.signal))?;
         }
         for by in [StopBy::Remote, StopBy::Here, StopBy::MenuClosed] {
-            flags.on_signal_of(by)?;
+            signal_hook::flag::register(by.signal() as i32, Arc::clone(flags.flag(by)))?;
         }
         Ok(flags)
-    }
-
-    /// The signal of a requester raises its flag from now on.
-    ///
-    /// # Errors
-    ///
-    /// The kernel does not take the handler.
-    pub fn on_signal_of(&self, by: StopBy) -> io::Result<()> {
-        signal_hook::flag::register(by.signal() as i32, Arc::clone(self.flag(by)))?;
-        Ok(())
     }
 
     /// From now on a panic in any thread of this process stops the run: a process that has lost a

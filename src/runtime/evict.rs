@@ -8,12 +8,13 @@
 //!
 //! # Not here
 //!
-//! No asking: a run is asked to stop over its pipe ([`Stopper`](super::Stopper)) or by a signal,
-//! and has [`PATIENCE_NS`] to do so.
+//! No asking: a run is asked to stop over its pipe ([`Stopper`](super::Stopper)), by a signal or by
+//! a [`StopRequest`](super::StopRequest), and has [`PATIENCE_NS`] to do so.
 
 use std::path::Path;
 use std::sync::Arc;
 
+use nix::errno::Errno;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
@@ -85,13 +86,9 @@ pub fn evict(
 }
 
 /// Sends a signal to a process of the run that has the hardware below `root`; to no other.
-///
-/// # Errors
-///
-/// What the kernel answers, `ESRCH` for a process that has not got the lock.
-pub fn signal(root: &Path, process: i32, signal: Signal) -> nix::Result<()> {
+fn signal(root: &Path, process: i32, signal: Signal) -> nix::Result<()> {
     if !HardwareLock::is_held_by(root, process) {
-        return Err(nix::errno::Errno::ESRCH);
+        return Err(Errno::ESRCH);
     }
     kill(Pid::from_raw(process), signal)
 }
@@ -114,9 +111,10 @@ pub fn stop_orphans(root: &Path, clock: &dyn Clock) -> Result<Option<Owner>, Orp
 }
 
 /// True where the process that drove has stopped its motors and lives: it is finishing its
-/// recording.
+/// recording. What another user's process has open is not to be seen.
 fn is_finishing(root: &Path, owner: &Owner) -> bool {
-    owner.stopped && HardwareLock::is_held_by(root, owner.pid)
+    let is_anothers = || kill(Pid::from_raw(owner.pid), None) == Err(Errno::EPERM);
+    owner.stopped && (HardwareLock::is_held_by(root, owner.pid) || is_anothers())
 }
 
 fn wait_until(

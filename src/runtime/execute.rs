@@ -17,7 +17,7 @@ use super::environment::{Environment, Floor};
 use super::pilot::PilotError;
 use super::{
     Brick, Ended, Event, HardwareLock, Heartbeat, Job, Lock, LockError, NotReady, Owner, Pilot,
-    PilotState, Pulse, Stop, StopFlags, StopReason, open_files, prepare,
+    PilotState, Pulse, Stop, StopFlags, StopReason, StopWatch, open_files, prepare,
 };
 use crate::recording::{self, End, Info, Options, Pace, RecordError, Recorder, Start};
 
@@ -47,7 +47,7 @@ pub enum Refused {
     /// The board has no buttons, and neither the file nor the command line says what stops a run.
     #[error("a {0} has no buttons, so a person beside the robot could not stop it")]
     NoButton(&'static str),
-    /// There is no room for the thread that looks for devices that were unplugged.
+    /// There is no room for a thread: of what is unplugged, or of who asks to stop.
     #[error("cannot start a thread")]
     Helper(#[source] std::io::Error),
     /// The robot is not ready.
@@ -138,7 +138,7 @@ pub fn execute(
         fallen: Arc::clone(&flags.fallen),
         next: heartbeat,
     };
-    let Ready { _lock, mission, mut robot, mut pilot, seed } =
+    let Ready { _held, mission, mut robot, mut pilot, seed } =
         ready(job, &environment, flags, &*report)?;
     let (recorder, mut tick_side) =
         record(job, &robot, &mission, &environment, seed, Arc::clone(&report))?;
@@ -199,7 +199,7 @@ pub fn execute(
 /// A robot that stands still, and what it is to do.
 struct Ready {
     /// Dropped last: until then no other run has the motors.
-    _lock: Option<HardwareLock>,
+    _held: Option<Held>,
     mission: Mission,
     robot: Robot,
     pilot: Pilot,
@@ -218,7 +218,7 @@ fn ready(
     for (name, value) in &job.set {
         mission.set(name, *value)?;
     }
-    let _lock = hold(job, mission.name())?;
+    let _held = hold(job, mission.name(), flags)?;
     equip(&environment.tree, &config, &*environment.clock)?;
     let mut robot = Robot::bind(&environment.tree, &config, mission.senses())?;
     stoppable(job, &robot)?;
@@ -234,7 +234,7 @@ fn ready(
     let seed = environment.seed.unwrap_or_else(|| wall_ns().cast_unsigned());
     // As the robot was bound: with the cells that the brick runs on.
     let pilot = Pilot::new(robot.config(), &mission, job.method, job.start)?.with_seed(seed);
-    Ok(Ready { _lock, mission, robot, pilot, seed })
+    Ok(Ready { _held, mission, robot, pilot, seed })
 }
 
 /// What else is known of why a run ended.
@@ -333,18 +333,26 @@ fn write_owner(job: &Job, owner: &Owner) {
     }
 }
 
-/// Takes the hardware, where it is not a simulation's or held by the guard already.
-fn hold(job: &Job, mission: &str) -> Result<Option<HardwareLock>, Refused> {
-    match (&job.brick, job.lock) {
-        (Brick::Local(tree), Lock::Take) => {
-            Ok(Some(HardwareLock::take(tree.root(), &doing(mission))?))
+/// The hardware of a run, where it is not a simulation's.
+struct Held {
+    _requests: StopWatch,
+    /// Nothing where the guard has it already.
+    _lock: Option<HardwareLock>,
+}
+
+/// Takes the hardware, and listens to who asks its owner to stop.
+fn hold(job: &Job, mission: &str, flags: &StopFlags) -> Result<Option<Held>, Refused> {
+    let Brick::Local(tree) = &job.brick else { return Ok(None) };
+    let root = tree.root();
+    let _lock = match job.lock {
+        Lock::Take => Some(HardwareLock::take(root, &doing(mission))?),
+        Lock::Inherited => {
+            HardwareLock::name_owner(root, &owner(job, mission))?;
+            None
         }
-        (Brick::Local(tree), Lock::Inherited) => {
-            HardwareLock::name_owner(tree.root(), &owner(job, mission))?;
-            Ok(None)
-        }
-        (Brick::Simulated { .. }, _) => Ok(None),
-    }
+    };
+    let _requests = flags.watch_requests(root).map_err(Refused::Helper)?;
+    Ok(Some(Held { _requests, _lock }))
 }
 
 /// Begins the recording.

@@ -173,7 +173,7 @@ impl HardwareLock {
 
 /// Locks the file, or says who has it locked. Who only asks whose it is ([`HardwareLock::owner`])
 /// holds it for a moment, and is waited for.
-fn locked(
+pub(super) fn locked(
     mut file: File,
     how: FlockArg,
     failed: impl FnOnce(io::Error) -> LockError,
@@ -199,8 +199,13 @@ fn locked(
 
 /// Every user that may drive may lock, so the file is writable for all; the sticky folder keeps
 /// others from replacing it.
-fn open(path: &Path) -> io::Result<File> {
+pub(super) fn open(path: &Path) -> io::Result<File> {
     const EVERYBODY: u32 = 0o666;
+    // With `fs.protected_regular`, which Debian sets, the kernel refuses another user's file in
+    // such a folder to who would create it.
+    if let Some(file) = open_existing(path, OpenOptions::new().write(true))? {
+        return Ok(file);
+    }
     let file = OpenOptions::new()
         .read(true)
         .write(true)
@@ -209,8 +214,7 @@ fn open(path: &Path) -> io::Result<File> {
         .mode(EVERYBODY)
         .custom_flags(nix::libc::O_NOFOLLOW | nix::libc::O_CLOEXEC)
         .open(path)?;
-    // The umask took write permission from the others; only the file's maker can give it, and only
-    // needs to once.
+    // The umask took write permission from the others; only the file's maker can give it.
     if file.metadata()?.uid() == nix::unistd::geteuid().as_raw() {
         file.set_permissions(std::os::unix::fs::PermissionsExt::from_mode(EVERYBODY))?;
     }
@@ -218,19 +222,22 @@ fn open(path: &Path) -> io::Result<File> {
 }
 
 /// `None` if the lock has never been held.
-fn open_existing(path: &Path, how: &mut OpenOptions) -> io::Result<Option<File>> {
-    match how.read(true).open(path) {
+pub(super) fn open_existing(path: &Path, how: &mut OpenOptions) -> io::Result<Option<File>> {
+    match how.read(true).custom_flags(nix::libc::O_NOFOLLOW | nix::libc::O_CLOEXEC).open(path) {
         Ok(file) => Ok(Some(file)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(error),
     }
 }
 
-/// One write of a whole line, so that a reader never sees half a name; the rest of an earlier
-/// owner's text is then cut off.
 fn write_owner(file: &File, owner: &Owner) -> io::Result<()> {
-    let text = json_line(owner)?;
-    file.write_all_at(&text, 0)?;
+    write_text(file, &json_line(owner)?)
+}
+
+/// One write of a whole line, so that a reader never sees half a name; the rest of an earlier text
+/// is then cut off.
+pub(super) fn write_text(file: &File, text: &[u8]) -> io::Result<()> {
+    file.write_all_at(text, 0)?;
     file.set_len(u64::try_from(text.len()).unwrap_or(u64::MAX))
 }
 
@@ -248,7 +255,7 @@ fn read_owner(file: &mut File) -> Owner {
 /// One file a brick: the machine's own hardware, or the brick below a mount point. The hardware is
 /// in `sys`, and that is what its device and inode say, whatever path leads to it: a link, a bind
 /// mount, a namespace whose own `/sys` it is.
-fn lock_path(root: &Path) -> PathBuf {
+pub(super) fn lock_path(root: &Path) -> PathBuf {
     let folder = Path::new("/run/lock");
     let folder = if folder.is_dir() { folder.to_owned() } else { std::env::temp_dir() };
     let sys = root.join("sys");

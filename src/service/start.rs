@@ -23,7 +23,7 @@ use crate::protocol::{
 use crate::recording;
 use crate::runtime::{
     HardwareLock, Job, LockError, OrphansError, PATIENCE_NS, RunProcess, StopBy, StopReason,
-    Stopper, evict, signal, stop_orphans,
+    StopRequest, Stopper, evict, stop_orphans,
 };
 use crate::threads::{lock, spawn};
 use crate::units::radians;
@@ -242,8 +242,10 @@ impl Service {
             Refusal::new(Kind::Failed, format!("{other} cannot be stopped{why}"))
                 .hint("onbrick halt on the brick, as root")
         };
-        // One that is gone, or of another user, shows below.
-        let _ = signal(tree.root(), owner.pid, by.signal());
+        let request = StopRequest::make(tree.root(), by);
+        if let Err(error) = &request {
+            log::warn!("it is not asked to, and is about to be killed: {}", with_causes(error));
+        }
         match force(tree.root(), owner.pid, STOP_PATIENCE_NS) {
             Ok(true) => Ok(Stopped { other: Some(other), ..none }),
             Ok(false) => Err(failed(String::new())),

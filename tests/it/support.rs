@@ -43,6 +43,9 @@ pub fn tested_program() -> &'static str {
     &PROGRAM
 }
 
+/// A user without rights, and its group: the kernel's overflow number.
+pub const OTHER_USER: u32 = 65_534;
+
 /// A copy of the program under test in a folder, for a user who has no access to where it was
 /// built. `cp` makes it: a program that this process has open for writing can't be started as long
 /// as another test's child, forked meanwhile, has inherited it ("Text file busy").

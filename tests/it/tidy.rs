@@ -189,6 +189,7 @@ fn only_ev3dev_touches_device_files() {
     let others = [
         ("cli/", "files that people name on the command line"),
         ("runtime/lock.rs", "the lock that names the hardware's owner"),
+        ("runtime/stop_request.rs", "the lock by which a stop is asked for"),
         ("runtime/open_files.rs", "which process has a file open, in /proc"),
         ("runtime/groups.rs", "/etc/group, which a static file reads itself"),
         ("commissioning/doctor/machine.rs", "whether a recording could be written; missions"),

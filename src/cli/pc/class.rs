@@ -15,14 +15,19 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use serde::{Deserialize, Serialize};
+
 use crate::cli::common::make_folder;
 use crate::cli::key::Folder;
 use crate::cli::terminal::stop_flags;
 use crate::cli::{Context, Exit, Failure, Hint, Output};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
+use crate::document::read_bounded;
+use crate::document::save::{self, Readers};
 use crate::link::KnownBricks;
 use crate::link::pairing::token;
 use crate::page::{LocalPage, Place};
+use crate::printable::json_line;
 
 mod answers;
 mod brick;
@@ -72,13 +77,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let flags = stop_flags()?;
     make_folder(Exit::Refused, &arguments.folder).hint(WRITABLE)?;
     let _held = hold(&arguments.folder)?;
-    let token = token().context(Exit::Failed, "no random numbers for the page's address")?;
     let hall = Arc::new(Hall::new(&arguments.folder, &keys, own));
     known.iter().for_each(|brick| hall.admit(brick));
     hall.listen().context(Exit::Failed, "no thread")?;
-    let place = Place { port: arguments.page, token: Some(token), most_posted: MOST_POSTED };
-    let answering = Arc::clone(&hall);
-    let page = LocalPage::serve(&place, move |asked| answers::answer(&answering, asked))?;
+    let page = serve(arguments, &hall)?;
     output.show(
         format!(
             "the class is at {}\nthe address is a secret: with it one starts and stops bricks\n\
@@ -92,6 +94,50 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     hall.end();
     Ok(())
+}
+
+/// Serves the page where it was the last time, if it can: what is open in a browser then works
+/// again, and saves what was written meanwhile.
+fn serve(arguments: &Arguments, hall: &Arc<Hall>) -> Result<LocalPage, Failure> {
+    let file = arguments.folder.join("class.address");
+    let last = Address::read(&file);
+    let last_port = last.as_ref().map_or(0, |last| last.port);
+    let token = match last {
+        Some(last) => last.token,
+        None => token().context(Exit::Failed, "no random numbers for the page's address")?,
+    };
+    let at = |port| {
+        let place = Place { port, token: Some(token.clone()), most_posted: MOST_POSTED };
+        let answering = Arc::clone(hall);
+        LocalPage::serve(&place, move |asked| answers::answer(&answering, asked))
+    };
+    let page = match arguments.page {
+        0 => at(last_port).or_else(|_| at(0)),
+        port => at(port),
+    }?;
+    let here = Address { port: page.port(), token };
+    let line = json_line(&here).context(Exit::Failed, "the page's address")?;
+    save::write(&file, &line, Readers::Owner)
+        .context(Exit::Refused, "the page's address is not kept")
+        .hint(WRITABLE)?;
+    Ok(page)
+}
+
+/// Where the page is, as it is kept in the class's folder; for no other user of this PC.
+#[derive(Serialize, Deserialize)]
+struct Address {
+    port: u16,
+    token: String,
+}
+
+impl Address {
+    /// Nothing where it is no address of ours.
+    fn read(file: &Path) -> Option<Self> {
+        let address: Self = serde_json::from_slice(&read_bounded(file).ok()?).ok()?;
+        let is_token =
+            address.token.len() == 32 && address.token.bytes().all(|c| c.is_ascii_hexdigit());
+        is_token.then_some(address)
+    }
 }
 
 /// Keeps the folder for this page until the process ends: two pages would fetch the same

@@ -1,6 +1,8 @@
 //! Bricks to be asked: a door with operations of the test's own, and the real service.
 
 use std::collections::BTreeMap;
+use std::os::unix::fs::MetadataExt;
+use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -19,9 +21,8 @@ use onbrick::service::config::LinkConfig;
 use sha2::{Digest as _, Sha256};
 use tempfile::TempDir;
 
-use crate::support::own_address;
 use crate::support::real_time::Pace;
-use crate::support::tested_program;
+use crate::support::{OTHER_USER, copy_of_program, own_address, tested_program};
 
 /// Nothing here takes this long on any machine, and nothing waits for it to be over.
 pub const LONG: Duration = Duration::from_secs(60);
@@ -272,7 +273,19 @@ impl Service {
 
     /// The same with a name and a robot of its own.
     pub fn of(name: &str, place: &[&str]) -> Self {
+        Self::below(tempfile::tempdir().unwrap(), name, place)
+    }
+
+    /// The same of another user than these tests', as the package has it; `None` where that is not
+    /// permitted.
+    pub fn of_another_user(name: &str, place: &[&str]) -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
+        std::os::unix::fs::chown(folder.path(), Some(OTHER_USER), Some(OTHER_USER)).ok()?;
+        Some(Self::below(folder, name, place))
+    }
+
+    /// Serves as the user whose folder it is.
+    fn below(folder: TempDir, name: &str, place: &[&str]) -> Self {
         let address = own_address();
         let config = format!("name = \"{name}\"\n[link]\naddress = \"{address}\"\n");
         std::fs::write(folder.path().join("onbrick.toml"), config).unwrap();
@@ -297,7 +310,16 @@ impl Service {
     /// Starts the service's process and waits until its link is ready.
     pub fn start(&mut self) {
         let log = std::fs::File::create(self.path("log")).unwrap();
-        let child = Pace::command(tested_program())
+        let owner = std::fs::metadata(self.folder.path()).unwrap();
+        // Where the tests' program is, the other user may have no access.
+        let program = if owner.uid() == nix::unistd::geteuid().as_raw() {
+            tested_program().to_owned()
+        } else {
+            copy_of_program(self.folder.path()).into_os_string().into_string().unwrap()
+        };
+        let child = Pace::command(&program)
+            .uid(owner.uid())
+            .gid(owner.gid())
             .envs(self.environment.iter().map(|(name, value)| (name, value)))
             .args(["-v", "serve", "--config"])
             .arg(self.folder.path())
@@ -344,6 +366,12 @@ impl Service {
     pub fn introduce_to(&self, folder: &Path) {
         let pc = KeyPair::load_or_make(folder).unwrap();
         Authorised::below(&self.path("keys")).add(&pc.public(), "anna").unwrap();
+        let owner = std::fs::metadata(self.folder.path()).unwrap();
+        let authorised = self.path("keys/authorised");
+        let keys = std::fs::read_dir(&authorised).unwrap().map(|key| key.unwrap().path());
+        for path in keys.chain([authorised.clone()]) {
+            std::os::unix::fs::chown(path, Some(owner.uid()), Some(owner.gid())).unwrap();
+        }
         let key = KeyPair::load(&self.path("keys")).unwrap().public();
         let brick = KnownBrick { name: self.name.clone(), address: self.address.clone(), key };
         KnownBricks::load(folder).unwrap().put(&brick, None).unwrap();

@@ -39,11 +39,27 @@ impl Class {
     }
 
     /// By this program, be it in a network of its own.
-    pub fn started(folder: tempfile::TempDir, mut program: Command) -> Self {
-        let log = std::fs::File::create(folder.path().join("log")).unwrap();
+    pub fn started(folder: tempfile::TempDir, program: Command) -> Self {
+        let (child, url) = Self::spawned(folder.path(), program);
+        Self { folder, child, url }
+    }
+
+    /// The program is gone.
+    fn end(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+
+    /// The program is there again.
+    fn start_again(&mut self) {
+        (self.child, self.url) = Self::spawned(self.folder.path(), onbrick());
+    }
+
+    fn spawned(folder: &Path, mut program: Command) -> (Child, String) {
+        let log = std::fs::File::create(folder.join("log")).unwrap();
         let mut child = program
-            .env("ONBRICK_KEYS", Self::keys(folder.path()))
-            .current_dir(folder.path())
+            .env("ONBRICK_KEYS", Self::keys(folder))
+            .current_dir(folder)
             .args(["--json", "class", "--folder", "monday"])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
@@ -53,8 +69,7 @@ impl Class {
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let said: Value = serde_json::from_str(&line).unwrap();
-        let url = said["page"].as_str().unwrap().to_owned();
-        Self { folder, child, url }
+        (child, said["page"].as_str().unwrap().to_owned())
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -96,8 +111,7 @@ impl Class {
 
 impl Drop for Class {
     fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.end();
     }
 }
 
@@ -261,7 +275,7 @@ fn a_class() {
     let folder = tempfile::tempdir().unwrap();
     let keys = Class::keys(folder.path());
     let mut bricks = services(&["ada", "bob"], &keys);
-    let class = Class::new(folder);
+    let mut class = Class::new(folder);
     let Some(mut tab) = Tab::open(&class.url, PROJECTOR) else { return };
     for name in ["ada", "bob"] {
         tab.until(&says(name, "○ ready"));
@@ -425,7 +439,7 @@ fn a_class() {
     tab.until("document.querySelector('#work .list button')");
     tab.click("#work", "round");
     tab.until("document.querySelector('textarea').value === 'name = \"last\"\\n'");
-    drop(class);
+    class.end();
     tab.eval("document.querySelector('textarea').select()");
     tab.text("name = \"in no file\"\n");
     tab.until("document.querySelector('#summary').textContent.startsWith('no answer')");
@@ -435,6 +449,12 @@ fn a_class() {
     );
     tab.until("document.querySelector('#told').textContent.endsWith('does not answer')");
     tab.picture("8-ended");
+
+    // It is started again, at the same address: what is open works, and is saved.
+    class.start_again();
+    tab.until("!document.querySelector('#view').classList.contains('lost')");
+    let saved = || std::fs::read_to_string(class.path("missions/round.toml")).unwrap();
+    until("the edit is kept", || (saved() == "name = \"in no file\"\n").then_some(()));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The commands of a PC against the real service with a simulated brick, in processes of their own.
 
 use std::io::Write as _;
+use std::os::unix::process::CommandExt as _;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -13,9 +14,8 @@ use serde_json::Value;
 use super::bench::{LONG, Service, halves, onbrick, text, until};
 use crate::foreign::bench::{no_namespaces, unshare};
 use crate::mount::bench::Mounted;
-use crate::support::pass_over;
 use crate::support::real_time::{beside_others, patiently};
-use crate::support::tested_program;
+use crate::support::{OTHER_USER, pass_over, tested_program};
 
 /// A mission that is over in two seconds.
 pub const SHORT: &str = r#"
@@ -103,11 +103,14 @@ fn from_pairing_to_the_map() {
 }
 
 #[test]
-fn a_stop_ends_what_drives_without_the_service_too() {
+fn a_stop_ends_what_another_user_drives_without_the_service_too() {
     let _machine = beside_others();
     let Some(brick) = Mounted::in_world("arena", 1, Arc::new(MonotonicClock)) else { return };
     let root = brick.root();
-    let service = Service::of("sim", &["--brick", root.to_str().unwrap()]);
+    let place = ["--brick", root.to_str().unwrap()];
+    let Some(service) = Service::of_another_user("sim", &place) else {
+        return pass_over("root, to serve as another user");
+    };
     service.introduce();
     let command = |arguments: &[&str]| {
         let mut command = onbrick();
@@ -164,6 +167,16 @@ fn a_stop_ends_what_drives_without_the_service_too() {
     assert!(menu.try_wait().unwrap().is_none(), "the menu is still there");
     menu.kill().unwrap();
     menu.wait().unwrap();
+
+    // Who may not send it a signal.
+    let mut run = command(&["run", "./short.toml", "--out", "p"]);
+    turns();
+    let mut halt = Command::new(service.path("onbrick"));
+    halt.uid(OTHER_USER).gid(OTHER_USER).args(["halt", "--brick"]).arg(&root);
+    let said = halt.output().unwrap();
+    assert!(text(&said.stdout).starts_with("stopped mission short (process "), "{said:?}");
+    assert_eq!((said.status.code(), run.wait().unwrap().code()), (Some(0), Some(0)));
+    stays_still("after a halt");
 }
 
 #[test]

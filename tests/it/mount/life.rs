@@ -18,8 +18,7 @@ use onbrick::sim::{EventLayout, Mount, MountError, Simulation, Unfit};
 
 use super::bench::{Mounted, await_or_fail, errno, names, no_fuse};
 use crate::drivers_bench::Bench;
-use crate::support::pass_over;
-use crate::support::{copy_of_program, tested_program};
+use crate::support::{OTHER_USER, copy_of_program, pass_over, tested_program};
 
 /// A simulator in a process of its own, that says that it has mounted.
 struct Simulator {
@@ -235,9 +234,6 @@ fn a_second_simulator_at_the_same_place_is_refused_and_the_first_goes_on() {
     );
 }
 
-/// A user without rights: the kernel's overflow number.
-const NOBODY: u32 = 65_534;
-
 /// A folder open to all users, with a copy of the program.
 fn open_house() -> (tempfile::TempDir, std::path::PathBuf) {
     let folder = tempfile::tempdir().unwrap();
@@ -290,7 +286,7 @@ fn an_ordinary_user_mounts_with_the_helper_and_nobody_else_gets_in() {
     let point = folder.path().canonicalize().unwrap().join("brick");
     let somebody = |program: &Path| {
         let mut command = Command::new(program);
-        command.uid(NOBODY).gid(NOBODY);
+        command.uid(OTHER_USER).gid(OTHER_USER);
         command
     };
     let mut process =
@@ -325,7 +321,13 @@ fn what_root_has_mounted_is_everybodys() {
     let position = point.join("sys/class/tacho-motor/motor0/position");
     let somebody = |words: &str| {
         let mut command = Command::new("sh");
-        command.uid(NOBODY).gid(NOBODY).args(["-c", words, "sh"]).arg(&position).output().unwrap()
+        command
+            .uid(OTHER_USER)
+            .gid(OTHER_USER)
+            .args(["-c", words, "sh"])
+            .arg(&position)
+            .output()
+            .unwrap()
     };
     let written = somebody(r#"echo 7 >"$1""#);
     assert!(written.status.success(), "{}", String::from_utf8_lossy(&written.stderr));

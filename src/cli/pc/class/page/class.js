@@ -80,6 +80,7 @@ async function look() {
     const begun = performance.now();
     try {
       gather(await get(`state?since=${cursors()}`));
+      if (failures) missions.save();
       failures = 0;
       summary();
       isClose = stopping();
