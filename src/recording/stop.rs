@@ -128,6 +128,12 @@ impl StopReason {
         )
     }
 
+    /// True where nothing stopped the run before its end.
+    #[must_use]
+    pub const fn is_complete(self) -> bool {
+        matches!(self, Self::Finished | Self::TimeLimit)
+    }
+
     /// True where something happened to the robot: the mission's state and the place say more.
     #[must_use]
     pub const fn has_a_place(self) -> bool {
@@ -146,7 +152,7 @@ fn how_implausible(channel: Channel) -> &'static str {
     match channel {
         Channel::Gyro => {
             "it does not turn with the wheels, or leaps about: a plug may be loose, \
-             or the wheels turn in vain"
+             the left and right wheel's plugs exchanged, or the wheels turn in vain"
         }
         Channel::Range => {
             "it says the same while the robot drives: a plug may be loose, \

@@ -5,7 +5,7 @@
 //!
 //! | reading | must change | and has not |
 //! |---|---|---|
-//! | gyro | while the wheels turn the robot to one side | by the sensor's least step in 60° |
+//! | gyro | while the wheels turn the robot to one side | that way by its least step in 60° |
 //! | range | while the robot drives towards what it measures, or away from it | by a bit in 0.2 m and 2 s |
 //! | head's angle | while the head is told to turn to a place that is far from it | by a count in 1 s |
 //!
@@ -15,6 +15,9 @@
 //!
 //! A gyro or a head that leaps eight times in two seconds, further than anything turns, is not
 //! believed either; a reset sensor leaps once.
+//!
+//! A gyro that turns the other way round than the wheels has left and right exchanged beside it, or
+//! is upside down.
 //!
 //! The wheels' own angles are watched by `stall`: a wheel whose angle stands still is blocked.
 //!
@@ -90,6 +93,9 @@ pub(super) struct PlausibilityState {
     /// Since when the head has been told to turn.
     told_since_ns: Option<i64>,
     gyro: Still,
+    /// Recordings made before this was in them have none.
+    #[serde(default)]
+    gyro_rad: Option<f64>,
     range: Still,
     gyro_leaps: Leaps,
     head_leaps: Leaps,
@@ -194,7 +200,11 @@ impl Plausibility {
         let turned_rad = if turned_rad.abs() < WHEELS_LEAP_RAD { turned_rad } else { 0.0 };
         let leaps =
             estimate.events.contains(Events::GYRO_RESET) && state.gyro_leaps.add(senses.time_ns);
-        leaps || state.gyro.add(gyro.changed_ns, turned_rad) > TURN_RAD
+        let step_rad = gyro.value - state.gyro_rad.replace(gyro.value).unwrap_or(gyro.value);
+        // One that moves against the wheels does not follow them.
+        let follows = step_rad.abs() > 0.0 && step_rad * state.gyro.moved >= 0.0;
+        let changed_ns = if follows { senses.time_ns } else { state.gyro.changed_ns };
+        leaps || state.gyro.add(changed_ns, turned_rad) > TURN_RAD
     }
 
     fn doubts_range(
@@ -341,6 +351,18 @@ mod tests {
             .play(|time_s| [-turning(time_s), turning(time_s), 0.0, f64::INFINITY, 0.5])
             .expect("it never moves");
         assert!(doubted == Channel::Gyro && (1.8..2.1).contains(&at_s), "{doubted} after {at_s} s");
+        let (at_s, doubted) = Bench::new()
+            .play(|time_s| {
+                let gyro_rad = whole(-turn_rad(time_s));
+                [-turning(time_s), turning(time_s), 0.0, f64::INFINITY, gyro_rad]
+            })
+            .expect("it turns the other way round");
+        assert!(doubted == Channel::Gyro && (1.8..2.3).contains(&at_s), "{doubted} after {at_s} s");
+        let trembling = Bench::new().play(|time_s| {
+            let gyro_rad = whole(turn_rad(time_s) + 0.03 * libm::sin(90.0 * time_s));
+            [-turning(time_s), turning(time_s), 0.0, f64::INFINITY, gyro_rad]
+        });
+        assert_eq!(trembling, None);
         let straight =
             Bench::new().play(|time_s| [turning(time_s), turning(time_s), 0.0, 2.0 - time_s, 0.5]);
         assert_eq!(straight, None, "straight on it may");
