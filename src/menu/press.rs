@@ -297,7 +297,18 @@ impl Menu {
                 self.notice = Some(Notice::Delete(run));
                 self.views[Showing::Notice as usize] = View::default();
             }
-            (_, Button::Left | Button::Back) | (Page::Map(_), Button::Right) => self.page = None,
+            (page, Button::Left | Button::Back) => {
+                self.page = None;
+                // A window that is out of sight lets in who is not expected.
+                let is_open = matches!(
+                    self.seen.pairing,
+                    Some(Pairing::Open { .. } | Pairing::Compare { .. })
+                );
+                if page == Page::Pairing && is_open {
+                    self.asks.order(LocalOnly::PairingWindow { seconds: 0 });
+                }
+            }
+            (Page::Map(_), Button::Right) => self.page = None,
             (Page::TimeLimit(limit_s), _) => self.act_time_limit(button, limit_s),
             (Page::Mission(name), Button::Enter) => {
                 if self.taken().is_some() {

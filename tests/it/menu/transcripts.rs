@@ -143,6 +143,13 @@ fn sessions_at_the_brick_go_as_they_were_written_down() {
         })
         .keys("dee")
         .end(&mut text);
+    Session::begin(
+        &mut text,
+        "The page of pairing is left while its window is open",
+        StartedBy::Boot,
+    )
+    .keys("ldddeeb")
+    .end(&mut text);
     Session::begin(&mut text, "A fault is acknowledged", StartedBy::Boot)
         .happens("a plug is loose", |bench| {
             let mut world = bench.service.world();
