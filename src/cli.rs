@@ -155,7 +155,12 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let mut output = Output::new(arguments.json);
     let ended = arguments.command.run(&mut output);
     match ended {
-        Ok(()) => output.code(),
+        Ok(()) => {
+            if output.was_stopped() {
+                terminal::die_of_interrupt();
+            }
+            output.code()
+        }
         Err(failure) => output.fail(&failure),
     }
 }

@@ -73,11 +73,12 @@
 //! ([`runtime::Pulse`]), control stops the run. When the starter is gone, or hangs for 5 s, the
 //! guard has control stop, unless the job says otherwise. A run that does not stop within 0.7 s
 //! when it is asked to is ended by force ([`runtime::evict()`]), by the one that asked: the lock
-//! names both processes. When both are killed at once, the starter brakes the motors; when all
-//! three are, the leases end. The guard has a higher real-time priority than control, control may
-//! not spin for more than 0.2 s, and where neither is permitted, as on most PCs, the log says so. A
-//! simulated brick lives inside control, and has no guard; with `run --page` it and its control are
-//! threads of the command, so that the page can look into the simulation.
+//! names both processes. Who has no pipe to it asks by a lock ([`runtime::StopRequest`]). When both
+//! are killed at once, the starter brakes the motors; when all three are, the leases end. The guard
+//! has a higher real-time priority than control, control may not spin for more than 0.2 s, and
+//! where neither is permitted, as on most PCs, the log says so. A simulated brick lives inside
+//! control, and has no guard; with `run --page` it and its control are threads of the command, so
+//! that the page can look into the simulation.
 //!
 //! `onbrick serve` starts the same processes for the clients of its transports ([`service`]); the
 //! processes do not need it, and a restarted service finds a run in progress.

@@ -48,7 +48,7 @@ mod token;
 pub use self::config::Config;
 pub use self::core::{OpenError, Service};
 pub use self::machine::Machine;
-pub use self::socket::LocalSocket;
+pub use self::socket::{LocalSocket, SocketError};
 
 /// Where the service's robot is.
 #[derive(Debug, Clone, PartialEq)]

@@ -325,15 +325,19 @@ pub(super) fn must_be_new(path: &Path) -> Result<(), Failure> {
 /// no other.
 #[cfg(feature = "sim")]
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    if path.is_file() && !begins_alike(path, bytes) {
-        return Err(Failure::refused(format!(
-            "{} is there already, and of another kind",
-            path.display()
-        ))
-        .hint("another name, or move that file away: only one of its kind is written over"));
-    }
+    may_write(path, bytes)?;
     save::write(path, bytes, Readers::AsUsual)
         .map_err(|error| Failure::new(Exit::Failed, with_causes(&error)).hint(WRITABLE))
+}
+
+/// Refuses to write over a file of another kind.
+#[cfg(feature = "sim")]
+pub(super) fn may_write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    if !path.is_file() || begins_alike(path, bytes) {
+        return Ok(());
+    }
+    Err(Failure::refused(format!("{} is there already, and of another kind", path.display()))
+        .hint("another name, or move that file away: only one of its kind is written over"))
 }
 
 /// Whether a file begins as these bytes do, or is empty. As many bytes are compared as PNG and MCAP

@@ -26,6 +26,8 @@ pub enum Exit {
     NoAnswer = 4,
     /// It worked on some bricks and not on others.
     SomeFailed = 5,
+    /// A run was stopped before its end.
+    Stopped = 6,
 }
 
 /// Why a command did not do what it was asked to.
@@ -116,7 +118,7 @@ pub(super) fn safe(text: &str) -> Cow<'_, str> {
 pub struct Output {
     json: bool,
     closed: bool,
-    /// The exit code of a program that was run in our place.
+    /// The exit code of what was done, where it is not 0.
     code: u8,
 }
 
@@ -127,9 +129,15 @@ impl Output {
         Self { json, closed: false, code: 0 }
     }
 
-    /// Has this program end with another one's exit code.
+    /// Has this program end with an exit code, such as another one's.
     pub fn ends_with(&mut self, code: u8) {
         self.code = code;
+    }
+
+    /// True where a run was stopped before its end.
+    #[must_use]
+    pub fn was_stopped(&self) -> bool {
+        self.code == Exit::Stopped as u8
     }
 
     /// The exit code of a command that did what it was asked to.

@@ -24,7 +24,7 @@ use crate::mapping::Method;
 use crate::mapping::Pose;
 use crate::printable::in_shell;
 use crate::robot::RobotConfig;
-use crate::runtime::{Brick, Ended, Event, Job, RunError, RunProcess, StopBy, Stopper};
+use crate::runtime::{Brick, Ended, Event, Job, RunError, RunProcess, Stop, StopBy, Stopper};
 use crate::units::radians;
 
 #[cfg(feature = "host")]
@@ -167,11 +167,18 @@ fn conclude(ended: &Ended, output: &mut Output) -> Result<(), Failure> {
     let file = &ended.file;
     // A program has read it already: it was the last event.
     output.line(format!("{ended}\nrecorded in {}", file.display()));
-    if ended.stop.reason.is_wanted() {
-        Ok(())
-    } else {
-        Err(ended_badly(ended.stop.to_string(), file, output))
+    verdict(&ended.stop, file, output)
+}
+
+/// What a run's end, which the line before has said, means for what comes after this command.
+fn verdict(stop: &Stop, file: &Path, output: &mut Output) -> Result<(), Failure> {
+    if !stop.reason.is_wanted() {
+        return Err(ended_badly(stop.to_string(), file, output));
     }
+    if !stop.reason.is_complete() {
+        output.ends_with(Exit::Stopped as u8);
+    }
+    Ok(())
 }
 
 /// A run came to no good end, which the line before has said.

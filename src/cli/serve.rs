@@ -15,7 +15,7 @@ use crate::runtime::Brick;
 #[cfg(feature = "link")]
 use crate::service::NetworkLink;
 use crate::service::config::{BRICK_FOLDER, CONFIG_FILE};
-use crate::service::{Config, LocalSocket, RobotSite, Service};
+use crate::service::{Config, LocalSocket, RobotSite, Service, SocketError};
 
 /// Serve a brick: missions are started and stopped, and runs kept, for the menu and for PCs.
 ///
@@ -42,12 +42,26 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let service = Service::open(config, place, own_program()?)
         .context(Exit::Failed, "cannot serve")
         .hint(ANOTHER)?;
-    let local = LocalSocket::open(&service.config().socket, Arc::new(service.clone()))
-        .context(Exit::Failed, "cannot serve")
-        .hint(ANOTHER)?;
+    let local = LocalSocket::open(&service.config().socket, Arc::new(service.clone())).map_err(
+        |error| {
+            let hint = match error {
+                SocketError::Taken(_) => ANOTHER,
+                _ => "[socket] in onbrick.toml: path and group",
+            };
+            Failure::from_error(Exit::Failed, "cannot serve", &error).hint(hint)
+        },
+    )?;
     let link = start_link(&service);
     let socket = service.config().socket.path.display().to_string();
-    log::info!("{} is ready: runs in {}", service.name(), service.config().runs.display());
+    let Config { runs, robot, .. } = service.config();
+    log::info!("{} serves: runs in {}", service.name(), runs.display());
+    if !robot.is_file() {
+        log::warn!(
+            "there is no {}: what is started drives as the shipped robot, ports and sizes too; \
+             onbrick setup writes the file",
+            robot.display()
+        );
+    }
     output.show(
         format!("serving {} at {socket}", service.name()),
         &serde_json::json!({ "serving": service.name(), "socket": socket }),

@@ -7,7 +7,8 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::os::fd::AsFd;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
 
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -200,16 +201,33 @@ impl Driving {
 pub(super) fn stop_flags() -> Result<StopFlags, Failure> {
     let flags = StopFlags::default();
     for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&flags.signal))
-            .context(Exit::Failed, NO_SIGNALS)?;
+        raised_by(signal, &flags.signal)?;
     }
+    raised_by(SIGINT, &INTERRUPTED)?;
     Ok(flags)
 }
 
 /// The signals that stop a run, as they come: a process that drives a robot does not leave its
 /// terminal while the robot drives on.
 pub(super) fn signals() -> Result<Signals, Failure> {
+    raised_by(SIGINT, &INTERRUPTED)?;
     Signals::new(STOP_SIGNALS).context(Exit::Failed, NO_SIGNALS)
+}
+
+fn raised_by(signal: i32, flag: &Arc<AtomicBool>) -> Result<(), Failure> {
+    signal_hook::flag::register(signal, Arc::clone(flag)).context(Exit::Failed, NO_SIGNALS)?;
+    Ok(())
+}
+
+/// Ctrl-C came.
+static INTERRUPTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+
+/// Ends this process as Ctrl-C does, where that has stopped its run: a shell then ends its loop or
+/// script, too, and drives no next mission.
+pub(super) fn die_of_interrupt() {
+    if INTERRUPTED.load(Ordering::Relaxed) {
+        let _ = signal_hook::low_level::emulate_default_handler(SIGINT);
+    }
 }
 
 const NO_SIGNALS: &str = "cannot listen to signals";
@@ -258,7 +276,7 @@ mod tests {
         let mut lost = person("5\n6\n7\n8\n9\n");
         assert_eq!(lost.choose("which?", &["a", "b"], 0), Err(NoAnswer::Unclear));
         let stopped = person("");
-        stopped.flags.signal.store(true, std::sync::atomic::Ordering::Relaxed);
+        stopped.flags.signal.store(true, Ordering::Relaxed);
         let mut stopped = stopped;
         assert_eq!(stopped.confirm("ready?"), Err(NoAnswer::Stopped));
     }

@@ -35,6 +35,9 @@ const STATISTICS_PERIOD_NS: i64 = SECOND_NS;
 /// The nearest that the ultrasonic sensor measures, metres (`ev3dev-interfaces`, 6.4).
 const NEAREST_M: f64 = 0.03;
 
+/// The farthest, metres; what the map leaves out beyond `max_m` has been measured all the same.
+const FARTHEST_M: f64 = 2.55;
+
 /// `radiation_type` of `sensor_msgs/Range`.
 const ULTRASOUND: u8 = 0;
 
@@ -312,7 +315,7 @@ impl Encoder {
             radiation_type: ULTRASOUND,
             field_of_view: field_of_view_rad(&sensor) as f32,
             min_range: NEAREST_M as f32,
-            max_range: sensor.max_m as f32,
+            max_range: FARTHEST_M as f32,
             range,
             variance: 0.0,
         };

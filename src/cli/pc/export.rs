@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::plot::nothing;
 use super::scene::scene_of;
-use crate::cli::common::{LoadedRun, make_folder, open_runs, write_file};
+use crate::cli::common::{LoadedRun, make_folder, may_write, open_runs, write_file};
 use crate::cli::{Exit, Failure, Output};
 use crate::printable::with_causes;
 use crate::recording::Grid;
@@ -85,6 +85,8 @@ fn write_all(
     output: &mut Output,
 ) -> Result<(), Failure> {
     make_folder(Exit::Failed, folder)?;
+    // What belongs together is written together.
+    files.iter().try_for_each(|(name, bytes)| may_write(&folder.join(name), bytes))?;
     for (name, bytes) in files {
         let path = folder.join(name);
         write_file(&path, &bytes)?;

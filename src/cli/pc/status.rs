@@ -51,8 +51,12 @@ fn doing(status: &Status) -> String {
     if let Some(run) = &status.run {
         lines.push_str(&format!("\n  {}", going(run)));
     } else if let Some(last) = &status.last {
-        let run = last.run.as_ref().map(|run| format!(" ({run})")).unwrap_or_default();
-        lines.push_str(&format!("\n  last: {}{run}: {last}", last.mission));
+        // Without a mission it is why none can start.
+        lines.push_str(&match (&last.run, last.mission.as_str()) {
+            (_, "") => format!("\n  {last}"),
+            (Some(run), mission) => format!("\n  last: {mission} ({run}): {last}"),
+            (None, mission) => format!("\n  last: {mission}: {last}"),
+        });
     }
     if let Some(who) = &status.taken {
         lines.push_str(&format!("\n  {who}"));

@@ -192,7 +192,7 @@ fn finish(
         counted(points.unwrap_or(0), "point"),
         file.display()
     ));
-    if last.is_wanted() { Ok(()) } else { Err(super::ended_badly(last.to_string(), &file, output)) }
+    super::verdict(&last.stop, &file, output)
 }
 
 /// Looks at the run until it is over; asks it to stop where a signal comes.

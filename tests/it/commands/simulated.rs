@@ -385,7 +385,7 @@ fn control_is_a_process_of_its_own_that_ends_with_its_run() {
         .unwrap();
     let ended = lines.last().unwrap().unwrap();
     assert!(ended.contains("\"word\":\"signal\""), "{ended}");
-    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert_eq!(child.wait().unwrap().code(), Some(6));
     assert!(
         !std::path::Path::new(&format!("/proc/{control}")).exists(),
         "control is gone and waited for"

@@ -140,7 +140,7 @@ fn a_stop_ends_what_another_user_drives_without_the_service_too() {
     assert!(text(&service.pc(&["start", "map", "sim"]).stderr).contains("mission short"));
     service.says(&["stop"], "sim: stopped mission short (process ");
     stays_still("after a stop of the run");
-    assert_eq!(run.wait().unwrap().code(), Some(0));
+    assert_eq!(run.wait().unwrap().code(), Some(6));
     let ending = Run::open(&service.path("o/run.mcap")).unwrap().ending.unwrap();
     assert_eq!(ending.stop.to_string(), "stopped over the network");
 
@@ -175,7 +175,7 @@ fn a_stop_ends_what_another_user_drives_without_the_service_too() {
     halt.uid(OTHER_USER).gid(OTHER_USER).args(["halt", "--brick"]).arg(&root);
     let said = halt.output().unwrap();
     assert!(text(&said.stdout).starts_with("stopped mission short (process "), "{said:?}");
-    assert_eq!((said.status.code(), run.wait().unwrap().code()), (Some(0), Some(0)));
+    assert_eq!((said.status.code(), run.wait().unwrap().code()), (Some(0), Some(6)));
     stays_still("after a halt");
 }
 

@@ -1,5 +1,7 @@
 //! What a team brought home: one picture, one recording, and what came of each brick.
 
+use std::path::Path;
+
 use serde_json::json;
 
 use super::super::scene::{draw, of_all, scene_of};
@@ -44,8 +46,8 @@ fn is_good(one: &Came) -> bool {
     one.failure.is_none() && one.whole && one.end.as_ref().is_some_and(|end| end.is_wanted())
 }
 
-/// How the whole ended.
-pub(super) fn verdict(came: &[Came]) -> Result<(), Failure> {
+/// How the whole ended; `out` has the recordings.
+pub(super) fn verdict(came: &[Came], out: &Path) -> Result<(), Failure> {
     let bad: Vec<&Came> = came.iter().filter(|one| !is_good(one)).collect();
     if bad.is_empty() {
         return Ok(());
@@ -72,9 +74,11 @@ pub(super) fn verdict(came: &[Came]) -> Result<(), Failure> {
     let failure = Failure::new(exit, message);
     Err(match lost {
         Some(one) => failure.hint(format!(
-            "onbrick fetch {} --run {} -o FOLDER, once the brick is back: it resumes where \
-             it was cut",
-            one.brick.name, one.run
+            "onbrick fetch {} --run {} -o {}, once the brick is back: it resumes where it was \
+             cut",
+            one.brick.name,
+            one.run,
+            out.display()
         )),
         None => failure,
     })
