@@ -23,30 +23,52 @@ const LINES_BACK: usize = 20;
 /// What is said of keys that stand in brackets, or bare.
 const IN_BRACES: &str = "keys with values stand in braces";
 
+/// Where the parser stopped.
+struct Spot<'t> {
+    text: &'t str,
+    at: usize,
+    /// The bytes of its line.
+    line: Range<usize>,
+    /// [`code`] of the line.
+    code: String,
+    /// Where in the line a text begins that is not closed.
+    open: Option<usize>,
+}
+
+/// What people do, the surest first.
+const MISTAKES: [fn(&Spot<'_>) -> Option<Explained>; 12] = [
+    curly_quotes,
+    open_text,
+    no_value,
+    bare_point,
+    bare_list,
+    bracketed_keys,
+    bare_keys,
+    decimal_comma,
+    colon,
+    quotes_inside,
+    bare,
+    open_brace,
+];
+
 /// Explains the parser's first error.
 pub(super) fn explain(text: &str, place: &Range<usize>, said: &str) -> Explained {
     let at = text.floor_char_boundary(place.start.min(text.len()));
+    let line = line_of(text, at);
+    let (code, open) = code(&text[line.clone()]);
+    let spot = Spot { text, at, line, code, open };
     let found = if said.starts_with("duplicate key") {
-        twice(text, at)
+        twice(&spot)
     } else {
-        curly_quotes(text, at)
-            .or_else(|| open_text(text, at))
-            .or_else(|| no_value(text, at))
-            .or_else(|| bare_point(text, at))
-            .or_else(|| bare_list(text, at))
-            .or_else(|| bracketed_keys(text, at))
-            .or_else(|| bare_keys(text, at))
-            .or_else(|| decimal_comma(text, at))
-            .or_else(|| colon(text, at))
-            .or_else(|| quotes_inside(text, at))
-            .or_else(|| bare(text, at))
-            .or_else(|| open_brace(text, at))
+        MISTAKES.iter().find_map(|mistake| mistake(&spot))
     };
-    found.unwrap_or_else(|| Explained {
-        place: place.clone(),
-        message: said.to_owned(),
-        hint: String::new(),
-    })
+    found.unwrap_or_else(|| Explained::new(place.clone(), said, ""))
+}
+
+impl Explained {
+    fn new(place: Range<usize>, message: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self { place, message: message.into(), hint: hint.into() }
+    }
 }
 
 /// A line without what stands in quotes and behind `#`, each letter of it a blank of its own width:
@@ -86,8 +108,7 @@ fn line_of(text: &str, at: usize) -> Range<usize> {
 }
 
 /// A table or a key that is there twice: where it was first.
-fn twice(text: &str, at: usize) -> Option<Explained> {
-    let line = line_of(text, at);
+fn twice(&Spot { text, at, ref line, .. }: &Spot<'_>) -> Option<Explained> {
     let header = |line: &str| {
         let code = code(line).0;
         let name = code.trim().strip_prefix('[')?.trim_matches(['[', ']']).trim().to_owned();
@@ -116,45 +137,36 @@ fn twice(text: &str, at: usize) -> Option<Explained> {
         Some(first) => format!("the first one is in line {}", first + 1),
         None => "leave one out, or give it another name".to_owned(),
     };
-    Some(Explained {
-        place: at..at + text[at..line.end].find(['=', ']', ' ']).unwrap_or(1),
-        message: format!("`{name}` is there twice"),
+    Some(Explained::new(
+        at..at + text[at..line.end].find(['=', ']', ' ']).unwrap_or(1),
+        format!("`{name}` is there twice"),
         hint,
-    })
+    ))
 }
 
 /// Quotes as word processors write them.
-fn curly_quotes(text: &str, at: usize) -> Option<Explained> {
-    let line = line_of(text, at);
-    let (code, _) = code(&text[line.clone()]);
+fn curly_quotes(&Spot { text, ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
     let is_curly = |letter: char| "“”„‘’".contains(letter);
     let start = code.find(is_curly)?;
     let word = code[start..].trim_start_matches(is_curly);
     let word = &word[..word.find(is_curly)?];
     let end = code[start..].rfind(is_curly).map_or(code.len(), |last| start + last);
     let place = line.start + start..text.ceil_char_boundary(line.start + end + 1);
-    Some(Explained {
+    Some(Explained::new(
         place,
-        message: "these are not the quotes of a text".to_owned(),
-        hint: format!("write straight quotes: `\"{word}\"`"),
-    })
+        "these are not the quotes of a text",
+        format!("write straight quotes: `\"{word}\"`"),
+    ))
 }
 
 /// A text that is not closed in its line.
-fn open_text(text: &str, at: usize) -> Option<Explained> {
-    let line = line_of(text, at);
-    let start = line.start + code(&text[line.clone()]).1?;
-    Some(Explained {
-        place: start..line.end,
-        message: "this text is not closed".to_owned(),
-        hint: "put a `\"` where it ends".to_owned(),
-    })
+fn open_text(&Spot { ref line, open, .. }: &Spot<'_>) -> Option<Explained> {
+    let start = line.start + open?;
+    Some(Explained::new(start..line.end, "this text is not closed", "put a `\"` where it ends"))
 }
 
 /// A key with nothing behind its `=`.
-fn no_value(text: &str, at: usize) -> Option<Explained> {
-    let line = line_of(text, at);
-    let (code, _) = code(&text[line.clone()]);
+fn no_value(&Spot { ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
     let equals = code.match_indices('=').map(|(equals, _)| equals).find(|equals| {
         let after = code[equals + 1..].trim_start();
         let is_comparison = code[..*equals].ends_with(['=', '<', '>', '!']);
@@ -162,17 +174,15 @@ fn no_value(text: &str, at: usize) -> Option<Explained> {
     })?;
     let key = code[..equals].trim_end();
     let start = key.rfind([' ', '{', ',']).map_or(0, |before| before + 1);
-    Some(Explained {
-        place: line.start + start..line.start + equals + 1,
-        message: "a value is missing".to_owned(),
-        hint: format!("write what `{}` is behind its `=`", &key[start..]),
-    })
+    Some(Explained::new(
+        line.start + start..line.start + equals + 1,
+        "a value is missing",
+        format!("write what `{}` is behind its `=`", &key[start..]),
+    ))
 }
 
 /// Numbers with commas between them behind `=`.
-fn bare_list(text: &str, at: usize) -> Option<Explained> {
-    let line = line_of(text, at);
-    let (code, _) = code(&text[line.clone()]);
+fn bare_list(&Spot { ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
     code.match_indices('=').find_map(|(equals, _)| {
         let value = &code[equals + 1..];
         let value = value[..value.find(['}', ']']).unwrap_or(value.len())].trim();
@@ -183,18 +193,16 @@ fn bare_list(text: &str, at: usize) -> Option<Explained> {
             return None;
         }
         let start = line.start + equals + 1 + code[equals + 1..].find(value)?;
-        Some(Explained {
-            place: start..start + value.len(),
-            message: "a list needs brackets".to_owned(),
-            hint: format!("write `[{}]`", numbers.join(", ")),
-        })
+        Some(Explained::new(
+            start..start + value.len(),
+            "a list needs brackets",
+            format!("write `[{}]`", numbers.join(", ")),
+        ))
     })
 }
 
 /// Keys in brackets instead of braces: `do = [forward_mps = 0.1]`.
-fn bracketed_keys(text: &str, at: usize) -> Option<Explained> {
-    let line = line_of(text, at);
-    let (code, _) = code(&text[line.clone()]);
+fn bracketed_keys(&Spot { text, ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
     code.match_indices('[').find_map(|(open, _)| {
         let before = code[..open].trim_end().strip_suffix('=')?.trim_end();
         let close = open + code[open..].find(']')?;
@@ -208,18 +216,12 @@ fn bracketed_keys(text: &str, at: usize) -> Option<Explained> {
         } else {
             format!("write `{{ {inner} }}`")
         };
-        Some(Explained {
-            place: line.start + open..line.start + close + 1,
-            message: IN_BRACES.to_owned(),
-            hint,
-        })
+        Some(Explained::new(line.start + open..line.start + close + 1, IN_BRACES, hint))
     })
 }
 
 /// A key with its value, and no braces around: `do = forward_mps = 0.1`.
-fn bare_keys(text: &str, at: usize) -> Option<Explained> {
-    let line = line_of(text, at);
-    let (code, _) = code(&text[line.clone()]);
+fn bare_keys(&Spot { text, ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
     let code = code.trim_end();
     let (_, behind) = code.split_once('=')?;
     let (key, value) = behind.split_once('=')?;
@@ -228,11 +230,7 @@ fn bare_keys(text: &str, at: usize) -> Option<Explained> {
     }
     let end = line.start + code.len();
     let start = end - behind.trim_start().len();
-    Some(Explained {
-        place: start..end,
-        message: IN_BRACES.to_owned(),
-        hint: format!("write `{{ {} }}`", &text[start..end]),
-    })
+    Some(Explained::new(start..end, IN_BRACES, format!("write `{{ {} }}`", &text[start..end])))
 }
 
 /// Whether it can be a key without quotes, dots included.
@@ -242,8 +240,7 @@ fn is_key(text: &str) -> bool {
 }
 
 /// A number that begins or ends with its point.
-fn bare_point(text: &str, at: usize) -> Option<Explained> {
-    let line = line_of(text, at);
+fn bare_point(&Spot { text, at, ref line, .. }: &Spot<'_>) -> Option<Explained> {
     let in_number = |letter: char| letter.is_ascii_digit() || "+-.".contains(letter);
     let start = line.start + text[line.start..at].trim_end_matches(in_number).len();
     let end = line.end - text[at..line.end].trim_start_matches(in_number).len();
@@ -257,17 +254,15 @@ fn bare_point(text: &str, at: usize) -> Option<Explained> {
         _ => return None,
     };
     whole.parse::<f64>().ok()?;
-    Some(Explained {
+    Some(Explained::new(
         place,
-        message: "a number has a digit on both sides of its point".to_owned(),
-        hint: format!("write `{whole}`"),
-    })
+        "a number has a digit on both sides of its point",
+        format!("write `{whole}`"),
+    ))
 }
 
 /// Digits, a comma and digits behind `=`.
-fn decimal_comma(text: &str, at: usize) -> Option<Explained> {
-    let line = line_of(text, at);
-    let (code, _) = code(&text[line.clone()]);
+fn decimal_comma(&Spot { ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
     let is_digit = |place: usize| code.as_bytes().get(place).is_some_and(u8::is_ascii_digit);
     let comma =
         code.char_indices().filter(|(_, letter)| *letter == ',').find_map(|(comma, _)| {
@@ -280,41 +275,39 @@ fn decimal_comma(text: &str, at: usize) -> Option<Explained> {
     let start = code[..comma].rfind(|letter: char| !letter.is_ascii_digit()).map_or(0, |at| at + 1);
     let length = code[comma + 1..].find(|letter: char| !letter.is_ascii_digit());
     let end = length.map_or(code.len(), |length| comma + 1 + length);
-    Some(Explained {
-        place: line.start + start..line.start + end,
-        message: "a decimal number has a point".to_owned(),
-        hint: format!("write `{}.{}`", &code[start..comma], &code[comma + 1..end]),
-    })
+    Some(Explained::new(
+        line.start + start..line.start + end,
+        "a decimal number has a point",
+        format!("write `{}.{}`", &code[start..comma], &code[comma + 1..end]),
+    ))
 }
 
 /// A colon between a key and its value.
-fn colon(text: &str, at: usize) -> Option<Explained> {
-    let line = line_of(text, at);
-    let (code, _) = code(&text[line.clone()]);
+fn colon(&Spot { at, ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
     let colon = code.find(':').filter(|colon| line.start + colon <= at)?;
-    Some(Explained {
-        place: line.start + colon..line.start + colon + 1,
-        message: "`:` does not stand between a key and its value".to_owned(),
-        hint: "write `=`".to_owned(),
-    })
+    Some(Explained::new(
+        line.start + colon..line.start + colon + 1,
+        "`:` does not stand between a key and its value",
+        "write `=`",
+    ))
 }
 
 /// A word in quotes inside a text: `"colour == "red""`.
-fn quotes_inside(text: &str, at: usize) -> Option<Explained> {
+fn quotes_inside(&Spot { text, at, ref line, .. }: &Spot<'_>) -> Option<Explained> {
     let begins = text[..at].ends_with('"') && text[..at].contains('=');
-    let after = &text[at..line_of(text, at).end];
+    let after = &text[at..line.end];
     let word = &after[..after.find(|letter: char| !(letter.is_alphanumeric() || letter == '_'))?];
-    (begins && !word.is_empty() && after[word.len()..].starts_with('"')).then(|| Explained {
-        place: at - 1..at + word.len() + 1,
-        message: "a text ends where its quote stands again".to_owned(),
-        hint: format!("inside a text it is {word}, without quotes"),
+    (begins && !word.is_empty() && after[word.len()..].starts_with('"')).then(|| {
+        Explained::new(
+            at - 1..at + word.len() + 1,
+            "a text ends where its quote stands again",
+            format!("inside a text it is {word}, without quotes"),
+        )
     })
 }
 
 /// A value that is neither a number nor in quotes.
-fn bare(text: &str, at: usize) -> Option<Explained> {
-    let line = line_of(text, at);
-    let (code, _) = code(&text[line.clone()]);
+fn bare(&Spot { at, ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
     let before = &code[..(at - line.start).min(code.len())];
     let equals = before.rfind('=')?;
     let start = equals + 1 + code[equals + 1..].find(|letter: char| letter != ' ')?;
@@ -331,11 +324,11 @@ fn bare(text: &str, at: usize) -> Option<Explained> {
         && rest.contains('=')
         && first.parse::<f64>().is_ok()
     {
-        return Some(Explained {
+        return Some(Explained::new(
             place,
-            message: "a comma is missing between two keys".to_owned(),
-            hint: format!("write `{key} = {first}, {}`", rest.trim()),
-        });
+            "a comma is missing between two keys",
+            format!("write `{key} = {first}, {}`", rest.trim()),
+        ));
     }
     let begins = value.chars().next()?;
     let unit = value.trim_start_matches(|letter: char| letter.is_ascii_digit() || letter == '.');
@@ -345,11 +338,11 @@ fn bare(text: &str, at: usize) -> Option<Explained> {
         && unit.trim_start().chars().all(in_unit)
         && key.contains('_')
     {
-        return Some(Explained {
+        return Some(Explained::new(
             place,
-            message: "a number stands without its unit".to_owned(),
-            hint: format!("write the number alone: `{key}` says its unit"),
-        });
+            "a number stands without its unit",
+            format!("write the number alone: `{key}` says its unit"),
+        ));
     }
     let what = if value.parse::<f64>().is_ok() || value.contains('=') {
         return None;
@@ -361,16 +354,12 @@ fn bare(text: &str, at: usize) -> Option<Explained> {
     } else {
         "an expression belongs in quotes"
     };
-    Some(Explained {
-        place,
-        message: what.to_owned(),
-        hint: format!("write `{key} = \"{value}\"`"),
-    })
+    Some(Explained::new(place, what, format!("write `{key} = \"{value}\"`")))
 }
 
 /// A brace or a bracket that is open at the end of a line of a table in one line.
-fn open_brace(text: &str, at: usize) -> Option<Explained> {
-    let mut end = line_of(text, at).end;
+fn open_brace(&Spot { text, ref line, .. }: &Spot<'_>) -> Option<Explained> {
+    let mut end = line.end;
     for _ in 0..LINES_BACK {
         let line = line_of(text, end);
         let (code, _) = code(&text[line.clone()]);
@@ -386,11 +375,11 @@ fn open_brace(text: &str, at: usize) -> Option<Explained> {
         }
         if let Some(brace) = open.first() {
             let place = line.start + brace;
-            return Some(Explained {
-                place: place..place + 1,
-                message: "this `{` is not closed".to_owned(),
-                hint: "put a `}` where it ends".to_owned(),
-            });
+            return Some(Explained::new(
+                place..place + 1,
+                "this `{` is not closed",
+                "put a `}` where it ends",
+            ));
         }
         end = line.start.checked_sub(1)?;
     }
