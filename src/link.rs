@@ -147,6 +147,15 @@ pub fn key_folder() -> Option<PathBuf> {
     named("ONBRICK_KEYS").or_else(|| named("XDG_CONFIG_HOME").map(below)).or_else(home)
 }
 
+/// `None` where nothing is there yet, or a signal came in between: the caller looks again.
+fn if_ready<T>(done: zmq::Result<T>) -> zmq::Result<Option<T>> {
+    match done {
+        Ok(done) => Ok(Some(done)),
+        Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use serde_json::{Deserializer, Value};

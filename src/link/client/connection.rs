@@ -8,6 +8,7 @@ use zmq::SocketEvent;
 
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::held::Held;
+use crate::link::if_ready;
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::monitor::Monitor;
 use crate::protocol::{MAX_FETCH_BYTES, Reply};
@@ -146,10 +147,8 @@ impl Connection {
             }
             self.stage = after(self.stage, happened.event);
         }
-        if self
-            .received()
-            .is_some_and(|received| received.saturating_sub(self.finished) > MOST_UNFINISHED)
-        {
+        let is_too_much = |received: u64| received.saturating_sub(self.finished) > MOST_UNFINISHED;
+        if self.received().is_some_and(is_too_much) {
             self.stage = Stage::Over(Over::TooMuch);
         }
         let now_ns = MonotonicClock.now_ns();
@@ -163,33 +162,20 @@ impl Connection {
     /// Waits until something happens, at most this many milliseconds.
     pub(super) fn wait(&self, most_ms: i64) -> zmq::Result<()> {
         let mut items = [self.socket.as_poll_item(zmq::POLLIN), self.monitor.poll_item()];
-        match zmq::poll(&mut items, most_ms) {
-            Ok(_) | Err(zmq::Error::EINTR) => Ok(()),
-            Err(error) => Err(error),
-        }
+        if_ready(zmq::poll(&mut items, most_ms)).map(drop)
     }
 
     /// Sends a request; false where the connection takes none now.
     pub(super) fn send(&self, request: &[u8]) -> zmq::Result<bool> {
         // The monitor may tell of a connection a moment before the socket takes messages for it.
-        match self.socket.poll(zmq::POLLOUT, SENDING_MS) {
-            Ok(_) | Err(zmq::Error::EINTR) => {}
-            Err(error) => return Err(error),
-        }
-        match self.socket.send(request, zmq::DONTWAIT) {
-            Ok(()) => Ok(true),
-            Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => Ok(false),
-            Err(error) => Err(error),
-        }
+        if_ready(self.socket.poll(zmq::POLLOUT, SENDING_MS))?;
+        Ok(if_ready(self.socket.send(request, zmq::DONTWAIT))?.is_some())
     }
 
     /// The next reply, if one is there.
     pub(super) fn receive(&mut self) -> zmq::Result<Option<Received>> {
-        let mut frames = match self.socket.recv_multipart(zmq::DONTWAIT) {
-            Ok(frames) => frames.into_iter(),
-            Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => return Ok(None),
-            Err(error) => return Err(error),
-        };
+        let frames = if_ready(self.socket.recv_multipart(zmq::DONTWAIT))?;
+        let Some(mut frames) = frames.map(Vec::into_iter) else { return Ok(None) };
         self.finished = self.received().unwrap_or(0);
         let json = frames.next().unwrap_or_default();
         let reply = serde_json::from_slice(&json).map_err(|error| error.to_string());
@@ -199,9 +185,7 @@ impl Connection {
     /// Bytes that have come over it; `None` where there is no connection, or the kernel does not
     /// count them.
     fn received(&self) -> Option<u64> {
-        self.descriptor
-            .and_then(|descriptor| Held::to(descriptor, self.to))
-            .and_then(|held| held.received())
+        Held::to(self.descriptor?, self.to)?.received()
     }
 }
 

@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-use super::session::{Answered, Session, Waited};
+use super::session::{Answered, Session};
 use super::{ClientError, Kind};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::document::save::beside;
@@ -208,27 +208,18 @@ impl<'l> Fetching<'l> {
                 return Ok(if sha256 == *named { End::Whole(sha256) } else { End::Other });
             }
             self.ask_for_more()?;
-            let until_ns = if self.under_way.is_empty() {
-                self.ask_at_ns
-            } else {
-                MonotonicClock.now_ns() + PIECE_NS
-            };
             if self.under_way.is_empty() {
                 // There is nothing to wait for but time.
-                nap(self.line, until_ns)?;
+                nap(self.line, self.ask_at_ns)?;
                 continue;
             }
-            match self.line.receive(until_ns)? {
-                Waited::Reply(id, answer) => {
+            match self.line.receive(MonotonicClock.now_ns() + PIECE_NS)? {
+                Some((id, answer)) => {
                     if self.take(id, answer)? == Some(End::Other) {
                         return Ok(End::Other);
                     }
                 }
-                Waited::Broken => self.again(),
-                Waited::Nothing => {
-                    self.line.hang_up();
-                    self.again();
-                }
+                None => self.again(),
             }
             if MonotonicClock.now_ns() >= self.told_at_ns {
                 self.told_at_ns = MonotonicClock.now_ns() + TOLD_NS;

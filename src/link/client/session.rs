@@ -67,16 +67,6 @@ crate::printable::debug_by!(Session, written);
 /// An answer with the bytes beside it, or why there is none.
 pub(in crate::link) type Answered = Result<(Value, Option<Vec<u8>>), ClientError>;
 
-/// What came of waiting for a reply.
-pub(super) enum Waited {
-    /// A reply, under the request's number.
-    Reply(u64, Answered),
-    /// The connection broke, and with it all requests that were under way.
-    Broken,
-    /// The time is over.
-    Nothing,
-}
-
 impl Session {
     pub(in crate::link) fn new(
         address: &str,
@@ -120,16 +110,10 @@ impl Session {
                 continue;
             }
             let until_ns = MonotonicClock.now_ns().saturating_add(wait_ns);
-            loop {
-                match self.receive(until_ns)? {
-                    Waited::Reply(of, answer) if of == id => return answer,
-                    // A late answer: its caller has given up.
-                    Waited::Reply(..) => {}
-                    Waited::Broken => break,
-                    Waited::Nothing => {
-                        self.hang_up();
-                        break;
-                    }
+            while let Some((of, answer)) = self.receive(until_ns)? {
+                // Another one is a late answer: its caller has given up.
+                if of == id {
+                    return answer;
                 }
             }
             wait_ns = (wait_ns * 2).min(LAST_WAIT_NS);
@@ -172,60 +156,58 @@ impl Session {
         Ok(true)
     }
 
-    /// Waits for the next reply.
-    pub(super) fn receive(&mut self, until_ns: i64) -> Result<Waited, ClientError> {
+    /// Waits for the next reply, which comes with its request's number. `None` where the connection
+    /// broke, and with it all requests that were under way; one that is silent until then is hung
+    /// up.
+    pub(super) fn receive(
+        &mut self,
+        until_ns: i64,
+    ) -> Result<Option<(u64, Answered)>, ClientError> {
         loop {
-            let Some(connection) = &mut self.connection else { return Ok(Waited::Broken) };
+            let Some(connection) = &mut self.connection else { return Ok(None) };
             if let Some(received) = connection.receive()? {
                 (self.heard_ns, self.has_said, self.backoff_ns) =
                     (MonotonicClock.now_ns(), false, 0);
-                if let Some((id, answer)) = self.taken(received) {
-                    return Ok(Waited::Reply(id, answer));
-                }
-                continue;
+                return Ok(Some(self.taken(received)));
             }
             if let Stage::Over(over) = connection.stage() {
                 self.ended(over)?;
                 self.pause()?;
-                return Ok(Waited::Broken);
+                return Ok(None);
             }
             let left_ms = until_ns.saturating_sub(MonotonicClock.now_ns()) / MILLISECOND_NS;
             if left_ms <= 0 {
                 self.check_patience()?;
-                return Ok(Waited::Nothing);
+                self.silence = Silence::NoReply;
+                self.connection = None;
+                return Ok(None);
             }
-            if let Some(connection) = &self.connection {
-                connection.wait(left_ms.min(NAP_MS))?;
-            }
+            connection.wait(left_ms.min(NAP_MS))?;
             self.check_patience()?;
         }
     }
 
     /// A reply's number and what it says.
-    fn taken(&self, received: Received) -> Option<(u64, Answered)> {
-        match received.reply {
-            Ok(reply) => {
-                let id = match reply.id {
-                    Some(Id::Number(id)) => id,
-                    // A request of ours that the brick could not parse has no number; no other
-                    // client's reply comes here.
-                    _ => self.next_id.saturating_sub(1),
-                };
-                Some((
-                    id,
-                    match reply.outcome {
-                        Outcome::Ok(value) => Ok((value, received.bytes)),
-                        Outcome::Error(refusal) if refusal.kind == Kind::NotAuthorised => {
-                            Err(ClientError::NotAuthorised { address: self.written.clone() })
-                        }
-                        Outcome::Error(refusal) => Err(ClientError::Refused(refusal)),
-                    },
-                ))
+    fn taken(&self, received: Received) -> (u64, Answered) {
+        let last_id = self.next_id.saturating_sub(1);
+        let reply = match received.reply {
+            Ok(reply) => reply,
+            Err(message) => return (last_id, Err(self.not_understood(message))),
+        };
+        let id = match reply.id {
+            Some(Id::Number(id)) => id,
+            // A request of ours that the brick could not parse has no number; no other client's
+            // reply comes here.
+            _ => last_id,
+        };
+        let answer = match reply.outcome {
+            Outcome::Ok(value) => Ok((value, received.bytes)),
+            Outcome::Error(refusal) if refusal.kind == Kind::NotAuthorised => {
+                Err(ClientError::NotAuthorised { address: self.written.clone() })
             }
-            Err(message) => {
-                Some((self.next_id.saturating_sub(1), Err(self.not_understood(message))))
-            }
-        }
+            Outcome::Error(refusal) => Err(ClientError::Refused(refusal)),
+        };
+        (id, answer)
     }
 
     /// An answer as what it should be.
@@ -333,12 +315,6 @@ impl Session {
             MonotonicClock.sleep_until_ns(nap_ns.min(until_ns));
         }
         Ok(())
-    }
-
-    /// Gives the connection up; the next request makes a new one.
-    pub(super) fn hang_up(&mut self) {
-        self.silence = Silence::NoReply;
-        self.connection = None;
     }
 
     /// Ends the waiting where it has lasted too long, or was interrupted.

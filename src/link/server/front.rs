@@ -12,7 +12,7 @@ use super::router::{Arrived, Router};
 use super::workers::{Job, Workers, framed, refused};
 use super::{LinkState, NAP_MS, ServerConfig, ServerError, Shared, zap};
 use crate::link::keys::{Authorised, KeyPair, PublicKey};
-use crate::link::pairing;
+use crate::link::{if_ready, pairing};
 use crate::protocol::{Kind, NotUnderstood, Operations, Outcome, Refusal, Request, parse};
 use crate::service::config::LinkConfig;
 use crate::threads::Background;
@@ -107,10 +107,8 @@ impl<'s> Front<'s> {
         if let Some(pairing) = &self.pairing {
             items.extend(pairing.poll_items());
         }
-        match zmq::poll(&mut items, i64::from(NAP_MS)) {
-            Ok(_) | Err(zmq::Error::EINTR) => Ok(()),
-            Err(error) => Err(error.into()),
-        }
+        if_ready(zmq::poll(&mut items, i64::from(NAP_MS)))?;
+        Ok(())
     }
 
     /// Hands a request to a worker, or refuses it.

@@ -9,6 +9,7 @@ use super::ServerError;
 use super::limits::Limits;
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::held::Held;
+use crate::link::if_ready;
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::monitor::Monitor;
 use crate::protocol::MAX_REQUEST_BYTES;
@@ -133,10 +134,8 @@ impl Router {
 
     /// The next request, if there is one.
     pub(super) fn receive(&mut self) -> zmq::Result<Option<Arrived>> {
-        let mut first = match self.socket.recv_msg(zmq::DONTWAIT) {
-            Ok(first) => first,
-            Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => return Ok(None),
-            Err(error) => return Err(error),
+        let Some(mut first) = if_ready(self.socket.recv_msg(zmq::DONTWAIT))? else {
+            return Ok(None);
         };
         let mut envelope = vec![first.to_vec()];
         let mut key = key_of(&mut first);

@@ -5,6 +5,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
 use super::ServerError;
+use crate::link::if_ready;
 use crate::protocol::{Asked, Caller, Id, Operations, Outcome, Refusal, Reply, Request};
 use crate::threads::spawn;
 
@@ -76,11 +77,7 @@ impl Workers {
 
     /// The next reply with its envelope, if there is one.
     pub(super) fn done(&self) -> zmq::Result<Option<Vec<Vec<u8>>>> {
-        match self.replies.recv_multipart(zmq::DONTWAIT) {
-            Ok(frames) => Ok(Some(frames)),
-            Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => Ok(None),
-            Err(error) => Err(error),
-        }
+        if_ready(self.replies.recv_multipart(zmq::DONTWAIT))
     }
 }
 
