@@ -133,6 +133,17 @@ enum Tab {
 
 impl Tab {
     const ALL: [Self; 5] = [Self::Missions, Self::Runs, Self::Ports, Self::SetUp, Self::Settings];
+
+    /// What it shows of the service.
+    fn look(self) -> Look {
+        match self {
+            Self::Missions => Look::Missions,
+            Self::Runs => Look::Runs,
+            Self::Ports => Look::Live,
+            Self::SetUp => Look::Status,
+            Self::Settings => Look::Settings,
+        }
+    }
 }
 
 /// A page of level two.
@@ -361,23 +372,19 @@ impl Menu {
     /// What has to be looked at for what is on the screen.
     fn looks(&self) -> Vec<Look> {
         let mut looks = vec![Look::Status];
-        match (self.showing(), self.tab, &self.page) {
-            (Showing::Running, ..) if self.shows_map && self.wants_part() => looks.push(Look::Map),
-            (Showing::Page, _, Some(Page::Map(run))) => {
+        match (self.showing(), &self.page) {
+            (Showing::Running, _) if self.shows_map && self.wants_part() => looks.push(Look::Map),
+            (Showing::Page, Some(Page::Map(run))) => {
                 looks.extend(self.wants_part().then_some(Look::Map));
                 // Its number stands in the head.
                 looks.extend(self.run_info(run).is_none().then_some(Look::Runs));
             }
-            (Showing::Page, _, Some(Page::Port(_))) | (Showing::Tab, Tab::Ports, _) => {
-                looks.push(Look::Live)
-            }
-            (Showing::Page, _, Some(Page::Mission(_))) => {
+            (Showing::Page, Some(Page::Port(_))) => looks.push(Look::Live),
+            (Showing::Page, Some(Page::Mission(_))) => {
                 looks.extend([Look::Missions, Look::Settings])
             }
-            (Showing::Tab, Tab::Missions, _) => looks.push(Look::Missions),
-            (Showing::Page, _, Some(Page::Pairing)) => looks.push(Look::Pairing),
-            (Showing::Tab, Tab::Runs, _) => looks.push(Look::Runs),
-            (Showing::Tab, Tab::Settings, _) => looks.push(Look::Settings),
+            (Showing::Page, Some(Page::Pairing)) => looks.push(Look::Pairing),
+            (Showing::Tab, _) => looks.push(self.tab.look()),
             _ => {}
         }
         looks

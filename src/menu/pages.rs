@@ -1,7 +1,7 @@
 //! What stands on each page.
 
 use super::canvas::Canvas;
-use super::sheet::{Row, Sheet, View};
+use super::sheet::{Sheet, View};
 #[cfg(any(test, feature = "host"))]
 use super::text::plain;
 use super::{Menu, Notice, Page, Showing, StartedBy, Tab};
@@ -299,7 +299,7 @@ pub(super) fn ended(last: &LastStop, has_map: bool) -> Sheet {
     }
     let sheet = Sheet::new("Fault");
     let sheet = if last.mission.is_empty() { sheet } else { sheet.big(&last.mission) };
-    sheet.row(Row::Strong(last.to_string())).item("Acknowledge")
+    sheet.strong(last.to_string()).item("Acknowledge")
 }
 
 fn time_limit(limit_s: f64) -> Sheet {

@@ -24,7 +24,7 @@ pub fn running_picture(run: &RunStatus) -> Canvas {
 pub fn ended_picture(last: &LastStop) -> Canvas {
     let mut sheet = ended(last, false);
     // Nothing can be chosen.
-    sheet.rows.retain(|row| !row.is_item());
+    sheet.rows.retain(|row| !row.is_item);
     drawn(&sheet, "")
 }
 

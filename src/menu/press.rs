@@ -3,7 +3,7 @@
 use super::asks::Look;
 use super::sheet::View;
 use super::talk::TalkKind;
-use super::{Effect, Menu, Notice, Page, STOP_PATIENCE_NS, Showing, StartedBy, Tab};
+use super::{Effect, Menu, Notice, Page, STOP_PATIENCE_NS, Seen, Showing, StartedBy, Tab};
 use crate::clock::MILLISECOND_NS;
 use crate::ev3dev::Button;
 use crate::protocol::{Chosen, LocalOnly, Pairing, RunId, SettingsChange, Start, State};
@@ -232,40 +232,30 @@ impl Menu {
     fn turn_to(&mut self, place: usize) {
         self.tab = Tab::ALL.get(place).copied().unwrap_or(Tab::Missions);
         self.seen.live = None;
-        let looks = match self.tab {
-            Tab::Missions => Look::Missions,
-            Tab::Runs => Look::Runs,
-            Tab::Ports => Look::Live,
-            Tab::SetUp => Look::Status,
-            Tab::Settings => Look::Settings,
-        };
-        self.asks.refresh(looks, self.now_ns);
+        self.asks.refresh(self.tab.look(), self.now_ns);
     }
 
     fn enter_tab(&mut self, chosen: usize) {
-        let seen = &self.seen;
-        let page = match self.tab {
-            Tab::Missions => seen
-                .missions
-                .as_ref()
-                .and_then(|all| all.missions.get(chosen))
-                .map(|one| Page::Mission(one.name.clone())),
-            Tab::Runs => seen
-                .runs
-                .as_ref()
-                .and_then(|all| all.runs.get(chosen))
-                .map(|one| Page::Map(one.run.clone())),
-            Tab::Ports => seen
-                .live
-                .as_ref()
-                .and_then(|all| all.devices.get(chosen))
-                .map(|one| Page::Port(one.port.clone())),
-            Tab::SetUp => return self.begin_talk(chosen),
-            Tab::Settings => return self.enter_settings(chosen),
-        };
-        if let Some(page) = page {
-            self.open(page);
+        match self.tab {
+            Tab::SetUp => self.begin_talk(chosen),
+            Tab::Settings => self.enter_settings(chosen),
+            Tab::Missions | Tab::Runs | Tab::Ports => {
+                if let Some(page) = self.listed(chosen) {
+                    self.open(page);
+                }
+            }
         }
+    }
+
+    /// The page of one that a tab lists.
+    fn listed(&self, chosen: usize) -> Option<Page> {
+        let Seen { missions, runs, live, .. } = &self.seen;
+        Some(match self.tab {
+            Tab::Missions => Page::Mission(missions.as_ref()?.missions.get(chosen)?.name.clone()),
+            Tab::Runs => Page::Map(runs.as_ref()?.runs.get(chosen)?.run.clone()),
+            Tab::Ports => Page::Port(live.as_ref()?.devices.get(chosen)?.port.clone()),
+            Tab::SetUp | Tab::Settings => return None,
+        })
     }
 
     fn begin_talk(&mut self, chosen: usize) {

@@ -41,44 +41,22 @@ pub(super) const HIGH: i32 = HEIGHT.cast_signed();
 
 /// One row of a page.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Row {
-    /// Text.
-    Line(String),
-    /// Text that matters.
-    Strong(String),
-    /// A headline.
-    Big(String),
-    /// Something that can be chosen.
-    Item(String),
+pub(super) struct Row {
+    pub(super) text: String,
+    face: Face,
+    /// It can be chosen.
+    pub(super) is_item: bool,
 }
 
 impl Row {
-    fn text(&self) -> &str {
-        match self {
-            Self::Line(text) | Self::Strong(text) | Self::Big(text) | Self::Item(text) => text,
-        }
-    }
-
-    fn face(&self) -> Face {
-        match self {
-            Self::Line(_) | Self::Item(_) => Face::Plain,
-            Self::Strong(_) => Face::Strong,
-            Self::Big(_) => Face::Big,
-        }
-    }
-
     fn lines(&self) -> Vec<String> {
-        wrap(self.text(), usize::try_from(WIDE / self.face().letter()).unwrap_or(1))
+        wrap(&self.text, usize::try_from(WIDE / self.face.letter()).unwrap_or(1))
     }
 
     fn height(&self) -> i32 {
         let lines = i32::try_from(self.lines().len()).unwrap_or(i32::MAX);
         // A pixel above and below what can be chosen, so that the black bar has an edge.
-        lines.saturating_mul(self.face().line()) + if self.is_item() { 2 } else { 0 }
-    }
-
-    pub(super) fn is_item(&self) -> bool {
-        matches!(self, Self::Item(_))
+        lines.saturating_mul(self.face.line()) + if self.is_item { 2 } else { 0 }
     }
 }
 
@@ -116,13 +94,13 @@ impl Sheet {
         Self { title, ..Self::default() }
     }
 
-    pub(super) fn row(mut self, row: Row) -> Self {
-        self.rows.push(row);
+    fn row(mut self, face: Face, is_item: bool, text: impl Into<String>) -> Self {
+        self.rows.push(Row { text: text.into(), face, is_item });
         self
     }
 
     pub(super) fn line(self, text: impl Into<String>) -> Self {
-        self.row(Row::Line(text.into()))
+        self.row(Face::Plain, false, text)
     }
 
     pub(super) fn lines(self, texts: impl IntoIterator<Item: Into<String>>) -> Self {
@@ -130,15 +108,15 @@ impl Sheet {
     }
 
     pub(super) fn strong(self, text: impl Into<String>) -> Self {
-        self.row(Row::Strong(text.into()))
+        self.row(Face::Strong, false, text)
     }
 
     pub(super) fn big(self, text: impl Into<String>) -> Self {
-        self.row(Row::Big(text.into()))
+        self.row(Face::Big, false, text)
     }
 
     pub(super) fn item(self, text: impl Into<String>) -> Self {
-        self.row(Row::Item(text.into()))
+        self.row(Face::Plain, true, text)
     }
 
     pub(super) fn items(self, texts: impl IntoIterator<Item: Into<String>>) -> Self {
@@ -157,7 +135,7 @@ impl Sheet {
 
     /// How many rows can be chosen.
     pub(super) fn choices(&self) -> usize {
-        self.rows.iter().filter(|row| row.is_item()).count()
+        self.rows.iter().filter(|row| row.is_item).count()
     }
 
     fn room(&self) -> i32 {
@@ -178,7 +156,7 @@ impl Sheet {
         let mut count = 0;
         for row in &self.rows {
             let bottom = top + row.height();
-            if row.is_item() {
+            if row.is_item {
                 if count == item {
                     return Some((top, bottom));
                 }
@@ -255,22 +233,22 @@ impl Sheet {
         let mut item = 0;
         for row in &self.rows {
             let height = row.height();
-            let is_chosen = row.is_item() && item == view.chosen;
-            item += usize::from(row.is_item());
+            let is_chosen = row.is_item && item == view.chosen;
+            item += usize::from(row.is_item);
             if top + height > HEAD && top < HEAD + self.room() {
                 let (paper, ink) = if is_chosen { (INK, PAPER) } else { (PAPER, INK) };
                 if is_chosen {
                     let bar = Rectangle::new(Point::new(0, top), size(BAR_X, height));
                     let Ok(()) = canvas.clipped(&area).fill_solid(&bar, paper);
                 }
-                let mut at = top + i32::from(row.is_item());
+                let mut at = top + i32::from(row.is_item);
                 for line in row.lines() {
                     // A line that is only half in view would be half a line: it comes with the next
                     // step.
-                    if at >= HEAD && at + row.face().line() <= HEAD + self.room() + 2 {
-                        write(canvas, &line, Point::new(1, at), row.face(), ink);
+                    if at >= HEAD && at + row.face.line() <= HEAD + self.room() + 2 {
+                        write(canvas, &line, Point::new(1, at), row.face, ink);
                     }
-                    at += row.face().line();
+                    at += row.face.line();
                 }
             }
             top += height;
@@ -297,9 +275,9 @@ impl Sheet {
         let mut text = format!("[{}]", self.title);
         let mut item = 0;
         for row in &self.rows {
-            let mark = if row.is_item() && item == view.chosen { "> " } else { "  " };
-            item += usize::from(row.is_item());
-            text.push_str(&format!("\n{mark}{}", row.text()));
+            let mark = if row.is_item && item == view.chosen { "> " } else { "  " };
+            item += usize::from(row.is_item);
+            text.push_str(&format!("\n{mark}{}", row.text));
         }
         if let Some(foot) = self.foot {
             text.push_str(&format!("\n({foot})"));

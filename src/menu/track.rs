@@ -17,7 +17,7 @@ use super::text::{Face, write};
 use crate::mapping::Pose;
 use crate::protocol::RunId;
 use crate::recording::{Growing, Piece};
-use crate::units::rounded;
+use crate::units::{bounds, rounded};
 
 /// Edge of a cell, metres.
 const CELL_M: f64 = 0.02;
@@ -164,37 +164,24 @@ const MARGIN: i32 = 5;
 
 /// How metres become pixels.
 struct Fit {
-    middle: (f64, f64),
+    middle: [f64; 2],
     pixels_per_cell: f64,
 }
 
 impl Fit {
     fn of(cells: impl Iterator<Item = Cell>) -> Self {
-        let (mut least, mut most) = ((i16::MAX, i16::MAX), (i16::MIN, i16::MIN));
-        for (x, y) in cells {
-            least = (least.0.min(x), least.1.min(y));
-            most = (most.0.max(x), most.1.max(y));
-        }
-        if least.0 > most.0 {
-            (least, most) = ((0, 0), (0, 0));
-        }
-        let extent =
-            |least: i16, most: i16| (f64::from(most) - f64::from(least)).max(LEAST_M / CELL_M);
-        let room = (f64::from(WIDE - 2 * MARGIN), f64::from(HIGH - HEAD - BELOW - 2 * MARGIN));
-        Self {
-            middle: (
-                f64::midpoint(f64::from(least.0), f64::from(most.0)),
-                f64::midpoint(f64::from(least.1), f64::from(most.1)),
-            ),
-            pixels_per_cell: (room.0 / extent(least.0, most.0))
-                .min(room.1 / extent(least.1, most.1)),
-        }
+        let [low, high] = bounds(cells.map(|(x, y)| [f64::from(x), f64::from(y)]));
+        let [low, high] = if low[0] > high[0] { [[0.0; 2]; 2] } else { [low, high] };
+        let room = [f64::from(WIDE - 2 * MARGIN), f64::from(HIGH - HEAD - BELOW - 2 * MARGIN)];
+        let scale = |axis: usize| room[axis] / (high[axis] - low[axis]).max(LEAST_M / CELL_M);
+        let middle = [0, 1].map(|axis| f64::midpoint(low[axis], high[axis]));
+        Self { middle, pixels_per_cell: scale(0).min(scale(1)) }
     }
 
     /// x to the right, y up, as in every picture of ours.
     fn place(&self, (x, y): Cell) -> Point {
-        let right = (f64::from(x) - self.middle.0) * self.pixels_per_cell;
-        let up = (f64::from(y) - self.middle.1) * self.pixels_per_cell;
+        let right = (f64::from(x) - self.middle[0]) * self.pixels_per_cell;
+        let up = (f64::from(y) - self.middle[1]) * self.pixels_per_cell;
         Point::new(WIDE / 2 + rounded(right), (HEAD + HIGH - BELOW) / 2 - rounded(up))
     }
 
