@@ -64,6 +64,10 @@ pub(super) fn parse(
     }
 }
 
+/// Ways out: of what is nested too deeply, of a parenthesis that is left open.
+const IN_TWO: &str = "make two transitions of it";
+const TO_CLOSE: &str = "put a `)` where it ends";
+
 /// The way out where a comma stands between digits.
 const POINT: &str = "a decimal number has a point, as in `0.25`";
 
@@ -85,35 +89,25 @@ impl<'p> Parser<'p, '_> {
     /// The kind of the whole text; `None` after a mistake in grammar, which ends the reading.
     fn whole(&mut self, expected: Option<Kind>) -> Option<Kind> {
         if let [(Token::End, _)] = self.tokens {
-            let example = "write a condition, as in `range_m < 0.25`, or a number".to_owned();
-            self.note(0..0, Mistake::Empty, Some(example));
-            return None;
+            let example = "write a condition, as in `range_m < 0.25`, or a number";
+            return self.refuse(0..0, Mistake::Empty, example);
         }
         let (found, place) = self.expression(0)?;
         let (token, end) = self.peek();
         match token {
             Token::End => {}
             Token::Close => {
-                self.note(
-                    end,
-                    Mistake::NotOpened,
-                    Some("take it out, or open it before".to_owned()),
-                );
-                return None;
+                return self.refuse(end, Mistake::NotOpened, "take it out, or open it before");
             }
-            other => {
-                self.unexpected(other, end);
-                return None;
-            }
+            other => return self.unexpected(other, end),
         }
         if depth(&self.ops) > STACK {
-            let whole = 0..place.end;
-            self.note(whole, Mistake::TooDeep, Some("make two transitions of it".to_owned()));
+            self.note(0..place.end, Mistake::TooDeep, IN_TWO);
         }
         if let Some((found, expected)) = found.zip(expected)
             && found != expected
         {
-            let hint = (expected == Kind::Truth).then(|| way_out(expected).to_owned());
+            let hint = if expected == Kind::Truth { way_out(expected) } else { "" };
             self.note(place, Mistake::Whole { expected, found }, hint);
         }
         // What a sensor of an unknown robot measures is what is wanted of it.
@@ -125,8 +119,7 @@ impl<'p> Parser<'p, '_> {
     fn expression(&mut self, least: u8) -> Option<Typed> {
         if self.depth == Expression::MAX_NESTING {
             let place = self.peek().1;
-            self.note(place, Mistake::TooDeep, Some("make two transitions of it".to_owned()));
-            return None;
+            return self.refuse(place, Mistake::TooDeep, IN_TWO);
         }
         self.depth += 1;
         let mut left = self.operand()?;
@@ -139,9 +132,7 @@ impl<'p> Parser<'p, '_> {
             if let (Token::Infix(next), place) = self.peek()
                 && matches!((infix, next), (Infix::Compare(_), Infix::Compare(_)))
             {
-                let hint = "write `a < b and b < c`".to_owned();
-                self.note(place, Mistake::Chained, Some(hint));
-                return None;
+                return self.refuse(place, Mistake::Chained, "write `a < b and b < c`");
             }
         }
         self.depth -= 1;
@@ -170,26 +161,23 @@ impl<'p> Parser<'p, '_> {
                         self.at += 1;
                         Some((kind, place.start..end.end))
                     }
-                    (Token::End, _) => self.refuse(place, Mistake::NotClosed),
-                    (other, end) => {
-                        self.unexpected(other, end);
-                        None
-                    }
+                    (Token::End, _) => self.refuse(place, Mistake::NotClosed, TO_CLOSE),
+                    (other, end) => self.unexpected(other, end),
                 }
             }
-            other => self.refuse(place, Mistake::NoOperand(described(other))),
+            other => self.refuse(place, Mistake::NoOperand(described(other)), ""),
         }
     }
 
     /// Something stands where an operator should.
-    fn unexpected(&mut self, token: Token<'_>, place: Range<usize>) {
+    fn unexpected<T>(&mut self, token: Token<'_>, place: Range<usize>) -> Option<T> {
         let before = self.at.checked_sub(1).and_then(|before| self.tokens.get(before));
         let hint = match (before, token) {
-            (_, Token::Comma) => Some(POINT.to_owned()),
-            (Some((Token::Number(_), _)), Token::Name(_)) => Some(UNIT.to_owned()),
-            _ => None,
+            (_, Token::Comma) => POINT,
+            (Some((Token::Number(_), _)), Token::Name(_)) => UNIT,
+            _ => "",
         };
-        self.note(place, Mistake::NoOperator(described(token)), hint);
+        self.refuse(place, Mistake::NoOperator(described(token)), hint)
     }
 
     /// A function with its arguments; the parenthesis is next.
@@ -199,9 +187,10 @@ impl<'p> Parser<'p, '_> {
         let mut given = 0;
         let function = Function::named(name);
         let end = loop {
-            match self.peek() {
-                (Token::Close, end) if given == 0 => break end,
-                _ => {}
+            if let (Token::Close, end) = self.peek()
+                && given == 0
+            {
+                break end;
             }
             let argument = self.expression(0)?;
             given += 1;
@@ -211,22 +200,16 @@ impl<'p> Parser<'p, '_> {
             match self.peek() {
                 (Token::Comma, _) => self.at += 1,
                 (Token::Close, end) => break end,
-                (Token::End, _) => return self.refuse(open, Mistake::NotClosed),
-                (other, end) => {
-                    self.unexpected(other, end);
-                    return None;
-                }
+                (Token::End, _) => return self.refuse(open, Mistake::NotClosed, TO_CLOSE),
+                (other, end) => return self.unexpected(other, end),
             }
         };
         self.at += 1;
         let whole = place.start..end.end;
         let Some(function) = function else {
             let hint = nearest_or_all(name, "known are", FUNCTIONS.iter().map(|row| row.0.name()));
-            return Some(self.unusable(
-                place,
-                Mistake::NoFunction(printable::name(name).into_owned()),
-                Some(hint),
-            ));
+            let mistake = Mistake::NoFunction(printable::name(name).into_owned());
+            return Some(self.unusable(place, mistake, hint));
         };
         let takes = function.takes();
         let fits = given == takes || function.is_open() && given > takes;
@@ -239,7 +222,7 @@ impl<'p> Parser<'p, '_> {
             let usage = function.usage();
             let hint = format!("write `{usage}`; a decimal number has a point, as in `0.25`");
             let mistake = Mistake::Arguments { name: function.name(), takes, given };
-            return Some(self.unusable(whole, mistake, Some(hint)));
+            return Some(self.unusable(whole, mistake, hint));
         }
         let slot = match function {
             Function::Random => {
@@ -258,12 +241,12 @@ impl<'p> Parser<'p, '_> {
     /// The slot of a `pid`.
     fn pid(&mut self, place: &Range<usize>) -> u32 {
         let Some(slot) = self.vocabulary.pids else {
-            self.note(place.clone(), Mistake::NoPid, None);
+            self.note(place.clone(), Mistake::NoPid, "");
             return 0;
         };
         self.vocabulary.pids = Some(slot + 1);
         if usize::try_from(slot).is_ok_and(|slot| slot >= MAX_PIDS) {
-            self.note(place.clone(), Mistake::TooManyPids, None);
+            self.note(place.clone(), Mistake::TooManyPids, "");
         }
         slot
     }
@@ -274,8 +257,8 @@ impl<'p> Parser<'p, '_> {
         let Some(index) = machines().position(|known| known == machine) else {
             // What a variable begins with is read before the machines.
             let hint = machines().next().map(|_| nearest_or_all(machine, "it has", machines()));
-            self.note(place, Mistake::NoMachine(printable::name(machine).into_owned()), hint);
-            return None;
+            let mistake = Mistake::NoMachine(printable::name(machine).into_owned());
+            return self.refuse(place, mistake, hint.unwrap_or_default());
         };
         let example = self.vocabulary.machines[index].1.keys().next().map_or("turn", |key| key);
         let hint = format!("as in `{name} == {example}`");
@@ -289,15 +272,13 @@ impl<'p> Parser<'p, '_> {
             {
                 (is, state, end)
             }
-            _ => {
-                self.note(place, Mistake::State(name.to_owned()), Some(hint));
-                return None;
-            }
+            _ => return self.refuse(place, Mistake::State(name.to_owned()), hint),
         };
         let whole = place.start..end.end;
         let states = &self.vocabulary.machines[index].1;
         let Some(at) = states.get(state).cloned() else {
-            let hint = nearest(state, states.keys().take(SEARCHED).map(String::as_str));
+            let hint = nearest(state, states.keys().take(SEARCHED).map(String::as_str))
+                .unwrap_or_default();
             let (machine, state) = (machine.to_owned(), printable::name(state).into_owned());
             return Some(self.unusable(end, Mistake::NoState { machine, state }, hint));
         };
@@ -332,7 +313,7 @@ impl<'p> Parser<'p, '_> {
             let role = word.channel.map(|channel| channel.quantity().role);
             if let Some(role) = role.filter(|role| !self.vocabulary.capabilities.has(*role)) {
                 let (mistake, hint) = Mistake::no_part(name, role);
-                self.note(place.clone(), mistake, Some(hint));
+                self.note(place.clone(), mistake, hint);
             }
             let kind = if word.is_truth { Kind::Truth } else { Kind::Number };
             return self.push(Op::Signal(word.input), kind, place);
@@ -342,7 +323,7 @@ impl<'p> Parser<'p, '_> {
                 Ok(at) => self.sensed(name, Channel::MOTORS[usize::from(at)], None, place),
                 Err(mistake) => {
                     let hint = self.vocabulary.motors.hint(motor);
-                    self.unusable(place, mistake, Some(hint))
+                    self.unusable(place, mistake, hint)
                 }
             };
         }
@@ -358,7 +339,7 @@ impl<'p> Parser<'p, '_> {
                 }
                 Err(mistake) => {
                     let hint = self.vocabulary.sensors.hint(sensor);
-                    self.unusable(place, mistake, Some(hint))
+                    self.unusable(place, mistake, hint)
                 }
             };
         }
@@ -372,7 +353,7 @@ impl<'p> Parser<'p, '_> {
             return self.push(Op::Named { name, value }, Kind::Number, place);
         }
         if let Some(function) = Function::named(name) {
-            let hint = Some(format!("write `{}`", function.usage()));
+            let hint = format!("write `{}`", function.usage());
             return self.unusable(place, Mistake::NoArguments(function.name()), hint);
         }
         let before = self.tokens.get(..self.at.saturating_sub(1)).unwrap_or_default();
@@ -380,7 +361,7 @@ impl<'p> Parser<'p, '_> {
             "a name is what is sensed, a value such as `red`, or one of [numbers] and [variables]"
                 .to_owned()
         });
-        self.unusable(place, Mistake::UnknownName(printable::name(name).into_owned()), Some(hint))
+        self.unusable(place, Mistake::UnknownName(printable::name(name).into_owned()), hint)
     }
 
     fn sensed(
@@ -414,8 +395,8 @@ impl<'p> Parser<'p, '_> {
                 if let (Some(a), Some(b)) = (left.0, right.0)
                     && a != b
                 {
-                    let hint = "write `touch` or `not touch` for what is true or false".to_owned();
-                    self.note(place.clone(), Mistake::Mixed(infix.as_str()), Some(hint));
+                    let hint = "write `touch` or `not touch` for what is true or false";
+                    self.note(place.clone(), Mistake::Mixed(infix.as_str()), hint);
                 }
                 return (Some(Kind::Truth), place);
             }
@@ -431,8 +412,8 @@ impl<'p> Parser<'p, '_> {
 
     fn expect(&mut self, operator: &'static str, expected: Kind, (found, place): &Typed) {
         if let Some(found) = found.filter(|found| *found != expected) {
-            let hint = Some(way_out(expected).to_owned());
-            self.note(place.clone(), Mistake::Operand { operator, expected, found }, hint);
+            let mistake = Mistake::Operand { operator, expected, found };
+            self.note(place.clone(), mistake, way_out(expected));
         }
     }
 
@@ -450,18 +431,26 @@ impl<'p> Parser<'p, '_> {
         u16::try_from(at).unwrap_or(u16::MAX)
     }
 
-    fn unusable(&mut self, place: Range<usize>, mistake: Mistake, hint: Option<String>) -> Typed {
+    /// A part of no kind: reading continues behind it.
+    fn unusable(&mut self, place: Range<usize>, mistake: Mistake, hint: String) -> Typed {
         self.note(place.clone(), mistake, hint);
         (None, place)
     }
 
-    fn refuse(&mut self, place: Range<usize>, mistake: Mistake) -> Option<Typed> {
-        let hint = (mistake == Mistake::NotClosed).then(|| "put a `)` where it ends".to_owned());
+    /// A mistake in grammar: the reading ends.
+    fn refuse<T>(
+        &mut self,
+        place: Range<usize>,
+        mistake: Mistake,
+        hint: impl Into<String>,
+    ) -> Option<T> {
         self.note(place, mistake, hint);
         None
     }
 
-    fn note(&mut self, place: Range<usize>, mistake: Mistake, hint: Option<String>) {
+    /// An empty hint is none.
+    fn note(&mut self, place: Range<usize>, mistake: Mistake, hint: impl Into<String>) {
+        let hint = Some(hint.into()).filter(|hint| !hint.is_empty());
         self.misreadings.push(Misreading { place, mistake, hint });
     }
 
