@@ -219,7 +219,7 @@ impl<'d> Section<'d> {
     }
 
     /// Adds an error at the table's own place.
-    pub fn error(&self, message: String) -> Noted<'d> {
+    pub fn error(&self, message: impl Into<String>) -> Noted<'d> {
         note(self.source, self.place.clone(), Severity::Error, message)
     }
 
@@ -229,7 +229,12 @@ impl<'d> Section<'d> {
     }
 
     /// Adds a finding at any byte range of the document: for checks that span several keys.
-    pub fn note(&self, place: Range<usize>, severity: Severity, message: String) -> Noted<'d> {
+    pub fn note(
+        &self,
+        place: Range<usize>,
+        severity: Severity,
+        message: impl Into<String>,
+    ) -> Noted<'d> {
         note(self.source, place, severity, message)
     }
 
@@ -309,17 +314,17 @@ impl<'d> Item<'d> {
     }
 
     /// Adds an error at the value.
-    pub fn error(&self, message: String) -> Noted<'d> {
+    pub fn error(&self, message: impl Into<String>) -> Noted<'d> {
         note(self.source, self.value.span(), Severity::Error, message)
     }
 
     /// Adds a warning at the value.
-    pub fn warning(&self, message: String) -> Noted<'d> {
+    pub fn warning(&self, message: impl Into<String>) -> Noted<'d> {
         note(self.source, self.value.span(), Severity::Warning, message)
     }
 
     /// Adds an error at the key.
-    pub fn error_at_key(&self, message: String) -> Noted<'d> {
+    pub fn error_at_key(&self, message: impl Into<String>) -> Noted<'d> {
         note(self.source, self.key_place.clone(), Severity::Error, message)
     }
 
@@ -479,7 +484,7 @@ fn note<'d>(
     source: Source<'d>,
     place: Range<usize>,
     severity: Severity,
-    message: String,
+    message: impl Into<String>,
 ) -> Noted<'d> {
     let mut findings = source.findings.borrow_mut();
     let has_error = || findings.iter().any(|finding| finding.severity == Severity::Error);
@@ -487,7 +492,7 @@ fn note<'d>(
     if findings.len() >= Document::MAX_FINDINGS && (severity == Severity::Warning || has_error()) {
         return Noted { findings: source.findings, index: usize::MAX };
     }
-    findings.push(source.document.finding(place, severity, message));
+    findings.push(source.document.finding(place, severity, message.into()));
     Noted { findings: source.findings, index: findings.len() - 1 }
 }
 
@@ -597,9 +602,9 @@ error: unknown key `track_widht_m` in [drive]
         let document = Document::new("f", text.as_bytes()).unwrap();
         let findings = document
             .read(|root| {
-                root.items().iter().for_each(|item| item.warning("odd".to_owned()).hint("?"));
-                root.error("wrong".to_owned());
-                root.error("wrong again".to_owned());
+                root.items().iter().for_each(|item| item.warning("odd").hint("?"));
+                root.error("wrong");
+                root.error("wrong again");
                 Some(())
             })
             .unwrap_err();

@@ -22,15 +22,11 @@ pub fn mermaid(mission: &Mission) -> String {
 fn write(mission: &Mission, out: &mut String) -> fmt::Result {
     writeln!(out, "stateDiagram-v2")?;
     for (index, machine) in mission.machines().iter().enumerate() {
-        write_machine(index, machine, out)?;
+        writeln!(out, "    state \"{}\" as m{index} {{", escaped(&machine.name))?;
+        write_region(index, machine, &machine.region, None, "        ", out)?;
+        writeln!(out, "    }}")?;
     }
     Ok(())
-}
-
-fn write_machine(index: usize, machine: &MachinePlan, out: &mut String) -> fmt::Result {
-    writeln!(out, "    state \"{}\" as m{index} {{", escaped(&machine.name))?;
-    write_region(index, machine, &machine.region, None, "        ", out)?;
-    writeln!(out, "    }}")
 }
 
 /// The states of a machine, or of the sub-machine inside a state.

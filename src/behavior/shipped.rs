@@ -21,34 +21,24 @@ impl Shipped {
     }
 }
 
+/// Each name's file in a folder.
+macro_rules! shipped {
+    ($folder:literal: $($name:literal),*) => {
+        [$(Shipped { name: $name, text: include_str!(concat!($folder, $name, ".toml")) }),*]
+    };
+}
+
 /// Every mission that comes with the program.
-pub const MISSIONS: [Shipped; 11] = [
-    Shipped { name: "map", text: include_str!("../../brick-image/missions/map.toml") },
-    Shipped { name: "explore", text: include_str!("../../brick-image/missions/explore.toml") },
-    Shipped { name: "bump", text: include_str!("../../brick-image/missions/bump.toml") },
-    Shipped { name: "wall", text: include_str!("../../brick-image/missions/wall.toml") },
-    Shipped { name: "line", text: include_str!("../../brick-image/missions/line.toml") },
-    Shipped { name: "edge", text: include_str!("../../brick-image/missions/edge.toml") },
-    Shipped { name: "remote", text: include_str!("../../brick-image/missions/remote.toml") },
-    Shipped { name: "square", text: include_str!("../../brick-image/missions/square.toml") },
-    Shipped {
-        name: "count-colours",
-        text: include_str!("../../brick-image/missions/count-colours.toml"),
-    },
-    Shipped {
-        name: "there-and-back",
-        text: include_str!("../../brick-image/missions/there-and-back.toml"),
-    },
-    Shipped { name: "dance", text: include_str!("../../brick-image/missions/dance.toml") },
-];
+#[rustfmt::skip]
+pub const MISSIONS: [Shipped; 11] = shipped!(
+    "../../brick-image/missions/":
+    "map", "explore", "bump", "wall", "line", "edge", "remote", "square", "count-colours",
+    "there-and-back", "dance"
+);
 
 /// Every sub-machine that comes with the program.
-pub const SUBMACHINES: [Shipped; 4] = [
-    Shipped { name: "wander", text: include_str!("shipped/wander.toml") },
-    Shipped { name: "look-round", text: include_str!("shipped/look-round.toml") },
-    Shipped { name: "follow-wall", text: include_str!("shipped/follow-wall.toml") },
-    Shipped { name: "come-home", text: include_str!("shipped/come-home.toml") },
-];
+pub const SUBMACHINES: [Shipped; 4] =
+    shipped!("shipped/": "wander", "look-round", "follow-wall", "come-home");
 
 /// A mission with every key explained, for a person to change.
 pub const TEMPLATE: &str = include_str!("shipped/template.toml");

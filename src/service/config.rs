@@ -168,9 +168,7 @@ fn link(section: &Section<'_>, config: &mut LinkConfig) {
     set(&mut config.port, port("port"));
     set(&mut config.pairing_port, port("pairing_port"));
     if config.port == config.pairing_port {
-        section
-            .error("`port` and `pairing_port` are the same".to_owned())
-            .hint("two different ports");
+        section.error("`port` and `pairing_port` are the same").hint("two different ports");
     }
 }
 

@@ -70,13 +70,17 @@ impl Beyond {
 }
 
 impl Expression {
+    /// Each signal that is compared with a number, and how.
+    fn comparisons(&self) -> impl Iterator<Item = (Op, Word, f64, Comparison)> {
+        (0..self.ops.len()).filter_map(|at| compared(&self.ops[at..]))
+    }
+
     /// The first comparison of a signal with a number that it cannot be in a mission that lasts
     /// `time_limit_s`.
     ///
     /// Places and ways have no bound that a robot could not pass, so nothing is said of them.
     pub(in crate::behavior) fn beyond(&self, time_limit_s: f64) -> Option<Beyond> {
-        (0..self.ops.len()).find_map(|at| {
-            let (op, signal, number, _) = compared(&self.ops[at..])?;
+        self.comparisons().find_map(|(op, signal, number, _)| {
             let reach = if signal.is_time() { (0.0, time_limit_s) } else { signal.reach() };
             let (least, most) = reach;
             let beyond = || Beyond { name: self.name_of(op), signal, number, reach };
@@ -87,8 +91,7 @@ impl Expression {
     /// The first question whether something measured is exactly a number: what is wrong, and what
     /// to do about it. The ends of what it can be are met, as where a sensor hears nothing.
     pub(in crate::behavior) fn exactly(&self) -> Option<(String, String)> {
-        (0..self.ops.len()).find_map(|at| {
-            let (op, signal, number, comparison) = compared(&self.ops[at..])?;
+        self.comparisons().find_map(|(op, signal, number, comparison)| {
             let (least, most) = signal.reach();
             let is_end = number <= least || number >= most;
             if comparison != Comparison::Equal || is_end || !is_measured(signal) {
@@ -117,8 +120,7 @@ impl Expression {
     /// The first comparison by size of a signal that is one of several things, such as a colour:
     /// what is wrong, and what to do about it.
     pub(in crate::behavior) fn unordered(&self) -> Option<(String, String)> {
-        (0..self.ops.len()).find_map(|at| {
-            let (op, signal, number, comparison) = compared(&self.ops[at..])?;
+        self.comparisons().find_map(|(op, signal, number, comparison)| {
             let mut values = signal.channel?.quantity().values();
             let is_equality = matches!(comparison, Comparison::Equal | Comparison::NotEqual);
             let first = values.clone().next().filter(|_| !is_equality)?.0;

@@ -20,7 +20,7 @@ pub(super) fn on_stall(root: &Section<'_>, drafts: &mut [Draft]) -> Option<OnSta
     }
     let Some(driving) = drafts.iter_mut().find(|draft| draft.moves.contains_key(&Role::Wheels))
     else {
-        item.error("no machine drives the wheels, so none can go on from a stall".to_owned())
+        item.error("no machine drives the wheels, so none can go on from a stall")
             .hint("write `on_stall = \"stop\"`");
         return None;
     };
@@ -204,7 +204,7 @@ fn late<'c>(
         let beyond = next.when.beyond(time_limit_s).map(|beyond| beyond.why());
         let why = |else_hint: &str| beyond.clone().unwrap_or_else(|| else_hint.to_owned());
         if never {
-            root.note(place, error, "this condition can never hold".to_owned())
+            root.note(place, error, "this condition can never hold")
                 .hint(why("look at its numbers, or take it out"));
         } else if let Some((earlier, _)) = earlier {
             let other = earlier.when.text();
@@ -212,7 +212,7 @@ fn late<'c>(
                 format!("this can never fire: `{other}` before it holds whenever this does");
             root.note(place, error, message).hint("put the narrower condition first");
         } else if claim.is_always() && next.when.text() != "true" {
-            root.note(place, warning, "this condition always holds".to_owned())
+            root.note(place, warning, "this condition always holds")
                 .hint(why("write `true` if that is meant"));
         }
         impossible.push(never || earlier.is_some());

@@ -23,7 +23,7 @@ pub(super) fn stop_button(section: &Section<'_>) -> Option<StopButton> {
         (Some(port), None) => Some(StopButton::Touch(port)),
         (None, Some(device)) => Some(StopButton::Device(device.text()?.into())),
         _ => {
-            section.error("a stop button has either a port or a device".to_owned()).hint(
+            section.error("a stop button has either a port or a device").hint(
                 "port = \"S2\" for a touch sensor; device = \"dev/input/by-path/…\" for a button \
                  on a GPIO",
             );

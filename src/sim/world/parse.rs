@@ -217,12 +217,10 @@ fn check_start(section: &Section<'_>, world: &World, rooms: &[Vec<Point>], start
         .any(|other| (Point::new(other.x_m, other.y_m) - place).norm() < 2.0 * size)
     {
         section
-            .error("two robots start in the same place".to_owned())
+            .error("two robots start in the same place")
             .hint(format!("keep them {} m apart", 2.0 * size));
     }
     if !world.floor.has(place) {
-        section
-            .error("the robot starts beyond the floor's edge".to_owned())
-            .hint("put `at` inside `table`");
+        section.error("the robot starts beyond the floor's edge").hint("put `at` inside `table`");
     }
 }

@@ -310,13 +310,13 @@ impl RobotModel {
     fn check(&self, section: &Section<'_>) {
         if self.corner_m > self.half_width_m.min(self.front_m).min(self.rear_m) {
             section
-                .error("the robot's corners are rounder than the robot is large".to_owned())
+                .error("the robot's corners are rounder than the robot is large")
                 .hint("make `corner_m` at most `half_width_m`, `front_m` and `rear_m`");
         }
         let [left, right] = self.drive;
         if left == right || self.head.is_some_and(|head| head == left || head == right) {
             section
-                .error("two of `left`, `right` and `head` share an output port".to_owned())
+                .error("two of `left`, `right` and `head` share an output port")
                 .hint("left is outB, right is outD and head is outA unless you say otherwise");
         }
     }
@@ -333,7 +333,7 @@ fn own_echoes(section: &Section<'_>) -> Vec<OwnEcho> {
     let own = |item: &Item<'_>| {
         let [from_deg, to_deg, range_m] = item.numbers::<3>(-180.0..=180.0)?;
         (range_m > 0.0).then_some(OwnEcho { from_deg, to_deg, range_m }).or_else(|| {
-            item.error("an echo is more than 0 m away".to_owned())
+            item.error("an echo is more than 0 m away")
                 .hint("angles of the head from and to, degrees, then metres: [80, 100, 0.2]");
             None
         })

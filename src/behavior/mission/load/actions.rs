@@ -157,7 +157,7 @@ impl<'d> Reader<'_, 'd, '_> {
             let turns =
                 (turn != 0.0).then(|| format!("turns at {:.0} degrees a second", turn * slower));
             let done: Vec<String> = drives.into_iter().chain(turns).collect();
-            item.warning(TOO_FAST.to_owned()).hint(format!("it {}", done.join(" and ")));
+            item.warning(TOO_FAST).hint(format!("it {}", done.join(" and ")));
         }
     }
 
@@ -207,7 +207,7 @@ impl<'d> Reader<'_, 'd, '_> {
             }
             _ => format!("none turns faster than {max_dps:.0} degrees a second"),
         };
-        item.warning(TOO_FAST.to_owned()).hint(turns);
+        item.warning(TOO_FAST).hint(turns);
     }
 
     /// Warns of a place that the head does not turn to: it stops before it.
@@ -218,7 +218,7 @@ impl<'d> Reader<'_, 'd, '_> {
         let has_head = self.vocabulary.capabilities.has(Role::Head);
         let beyond = |deg: f64| deg.abs() > most_deg * (1.0 + 1e-9);
         if has_head && head_deg.always().is_some_and(beyond) {
-            item.warning("the robot's head does not turn that far (`limit_deg`)".to_owned())
+            item.warning("the robot's head does not turn that far (`limit_deg`)")
                 .hint(format!("it turns {most_deg:.0} degrees to each side"));
         }
     }

@@ -18,16 +18,12 @@ pub(super) fn is_to_end(state: &Item<'_>) -> bool {
 impl Reader<'_, '_, '_> {
     /// Says so where `done` is asked for and nothing ends.
     pub(super) fn can_be_done(&self, next: &[TransitionPlan], ends: bool) {
-        for next in next {
-            if next.when.asks_whether_done() && !ends {
-                let keys = ENDING_KEYS.map(|key| format!("`{key}`")).join(", ");
-                self.root.note(next.place.clone(), Severity::Error, NOTHING_ENDS.to_owned()).hint(
-                    format!(
-                        "{keys} end, and so does a sub-machine with a final state; to wait, write \
-                         `state_s > 2`"
-                    ),
-                );
-            }
+        for next in next.iter().filter(|next| next.when.asks_whether_done() && !ends) {
+            let keys = ENDING_KEYS.map(|key| format!("`{key}`")).join(", ");
+            self.root.note(next.place.clone(), Severity::Error, NOTHING_ENDS).hint(format!(
+                "{keys} end, and so does a sub-machine with a final state; to wait, write \
+                 `state_s > 2`"
+            ));
         }
     }
 }

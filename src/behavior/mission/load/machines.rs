@@ -86,7 +86,7 @@ impl<'d> Reader<'_, 'd, '_> {
         let section = self.root.require("machine")?.section()?;
         let items = section.items();
         if items.is_empty() {
-            section.error("a mission needs at least one machine".to_owned());
+            section.error("a mission needs at least one machine");
         }
         if let Some(item) = items.get(MAX_MACHINES) {
             item.error_at_key(format!(
@@ -284,7 +284,7 @@ impl<'d> Reader<'_, 'd, '_> {
         for state in states {
             if state.inner.is_some() && end == Some(Some(state.place())) {
                 let message = "the final state cannot use a sub-machine: it is the end";
-                state.item.error_at_key(message.to_owned()).hint("let one more state be final");
+                state.item.error_at_key(message).hint("let one more state be final");
             }
             self.state(state, parent, names, draft);
         }
@@ -311,10 +311,10 @@ impl<'d> Reader<'_, 'd, '_> {
             let known: &[&str] = if inner.is_some() { &USING } else { &STATE };
             if let Some(doing) = section.get("do").filter(|_| inner.is_some()) {
                 doing
-                    .error_at_key("`do` and `use` both say what the state does".to_owned())
+                    .error_at_key("`do` and `use` both say what the state does")
                     .hint("leave one out");
             } else if let Some(with) = section.get("with").filter(|_| inner.is_none()) {
-                with.error_at_key("`with` goes together with `use`".to_owned());
+                with.error_at_key("`with` goes together with `use`");
             } else {
                 section.allow(known);
             }

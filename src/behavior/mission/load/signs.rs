@@ -141,7 +141,7 @@ impl<'d> Reader<'_, 'd, '_> {
             Ok(parts) => parts,
             Err((message, place)) => {
                 let place = item.place_within(place);
-                self.root.note(place, Severity::Error, message.to_owned());
+                self.root.note(place, Severity::Error, message);
                 return None;
             }
         };
