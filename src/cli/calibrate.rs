@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::brick::{BrickFiles, brick_is_there};
 use super::common::load_robot;
-use super::setup::not_written;
+use super::setup::{not_written, what_was};
 use super::terminal::{Driving, Terminal};
 use super::{Exit, Failure, Output};
 use crate::clock::MonotonicClock;
@@ -115,9 +115,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         return Ok(());
     }
     let kept = save::replace(&arguments.robot, &text).map_err(|error| not_written(&error))?;
-    let was =
-        kept.map(|kept| format!(" (what was there is now {})", kept.display())).unwrap_or_default();
-    output.line(format!("wrote {}{was}", arguments.robot.display()));
+    output.line(format!("wrote {}{}", arguments.robot.display(), what_was(kept.as_deref())));
     Ok(())
 }
 

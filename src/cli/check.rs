@@ -25,7 +25,7 @@ pub(super) struct Arguments {
     robot: Option<PathBuf>,
 }
 
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct Checked<'f> {
     mission: String,
     ok: bool,
@@ -46,7 +46,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             Capabilities { limits, ..Capabilities::all() }
         }
     };
-    let (mut broken, mut has_all_hints) = (0, true);
+    let (mut broken, mut has_all_hints) = (0_usize, true);
     for path in &arguments.missions {
         let source = match read_mission(path) {
             Ok(source) => source,
@@ -70,17 +70,17 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             ok: mission.is_some(),
             findings: findings.iter().collect(),
             needs: &needs,
-            error: None,
+            ..Checked::default()
         };
         let verdict =
             mission.as_ref().map_or_else(|| "broken".to_owned(), |it| summary(it, &needs));
         output.show(format!("{findings}{}: {verdict}", source.name), &checked);
     }
-    let failure = match broken {
-        0 => return Ok(()),
-        1 => Failure::refused("1 mission is not in order"),
-        more => Failure::refused(format!("{more} missions are not in order")),
-    };
+    if broken == 0 {
+        return Ok(());
+    }
+    let are = if broken == 1 { "is" } else { "are" };
+    let failure = Failure::refused(format!("{} {are} not in order", counted(broken, "mission")));
     Err(if has_all_hints { failure } else { failure.hint(SHOW_MISSION) })
 }
 
@@ -88,16 +88,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 fn show_unread(path: &Path, unread: &Failure, output: &mut Output) {
     let mission = path.display().to_string();
     let text = format!("{}\n{mission}: broken", unread.to_text());
-    output.show(
-        text,
-        &Checked {
-            mission,
-            ok: false,
-            findings: Vec::new(),
-            needs: &[],
-            error: Some(&unread.message),
-        },
-    );
+    let error = Some(unread.message.as_str());
+    output.show(text, &Checked { mission, error, ..Checked::default() });
 }
 
 /// The named motors and sensors of a mission, as a robot's file has them: a slip in such a name is

@@ -440,9 +440,14 @@ impl Progress {
 fn bar(mission: &Mission) -> indicatif::ProgressBar {
     let limit_ms = crate::clock::nanoseconds(mission.time_limit_s()) / crate::clock::MILLISECOND_NS;
     let bar = indicatif::ProgressBar::new(u64::try_from(limit_ms).unwrap_or(0));
-    let style = indicatif::ProgressStyle::with_template("{bar:30} {msg}");
-    bar.set_style(style.unwrap_or_else(|_| indicatif::ProgressStyle::default_bar()));
-    bar
+    bar.with_style(bar_style("{bar:30} {msg}"))
+}
+
+/// How a bar looks.
+#[cfg(feature = "host")]
+pub(super) fn bar_style(template: &str) -> indicatif::ProgressStyle {
+    let style = indicatif::ProgressStyle::with_template(template);
+    style.unwrap_or_else(|_| indicatif::ProgressStyle::default_bar())
 }
 
 impl From<Findings> for Failure {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Serialize;
+use serde_json::json;
 
 use super::brick::no_brick;
 use super::{Context, Exit, Failure, Output};
@@ -31,11 +32,6 @@ pub(super) struct Arguments {
     /// run that lives, and motors of other programs, are left alone.
     #[arg(long)]
     orphaned: bool,
-}
-
-#[derive(Serialize)]
-struct Orphans {
-    left_by: Option<Owner>,
 }
 
 #[derive(Serialize)]
@@ -115,12 +111,12 @@ fn halt_orphans(
     let owner = match stop_orphans(&arguments.brick, clock) {
         Ok(Some(owner)) => owner,
         Ok(None) => {
-            output.show("no run has left a motor behind", &Orphans { left_by: None });
+            output.show("no run has left a motor behind", &json!({ "left_by": null }));
             return Ok(());
         }
         Err(OrphansError::Lock(LockError::Taken(owner))) => {
             let who = format!("{} (process {}) sees to its motors itself", owner.doing, owner.pid);
-            output.show(who, &Orphans { left_by: None });
+            output.show(who, &json!({ "left_by": null }));
             return Ok(());
         }
         Err(error @ OrphansError::Halt(_)) => return Err(cannot_stop(&error)),
@@ -130,7 +126,7 @@ fn halt_orphans(
     };
     let ports = owner.motors.join(", ");
     let what = format!("stopped what {} (process {}) left behind: {ports}", owner.doing, owner.pid);
-    output.show(what, &Orphans { left_by: Some(owner) });
+    output.show(what, &json!({ "left_by": owner }));
     Ok(())
 }
 

@@ -59,15 +59,17 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         save::create(file, &text, Readers::AsUsual).map_err(|error| not_written(&error))?;
         None
     };
-    let was = kept
-        .as_ref()
-        .map(|kept| format!(" (what was there is now {})", kept.display()))
-        .unwrap_or_default();
+    let was = what_was(kept.as_deref());
     output.show(
         format!("wrote {}{was}; next: onbrick doctor, onbrick calibrate", file.display()),
         &serde_json::json!({ "wrote": file, "kept": kept }),
     );
     Ok(())
+}
+
+/// Where the text is now that a file had before.
+pub(super) fn what_was(kept: Option<&Path>) -> String {
+    kept.map(|kept| format!(" (what was there is now {})", kept.display())).unwrap_or_default()
 }
 
 /// What was found before a motor turned is a refusal; what ends it later is a failure, as is every

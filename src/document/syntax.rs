@@ -166,7 +166,7 @@ fn open_text(&Spot { ref line, open, .. }: &Spot<'_>) -> Option<Explained> {
 }
 
 /// A key with nothing behind its `=`.
-fn no_value(&Spot { ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
+fn no_value(Spot { line, code, .. }: &Spot<'_>) -> Option<Explained> {
     let equals = code.match_indices('=').map(|(equals, _)| equals).find(|equals| {
         let after = code[equals + 1..].trim_start();
         let is_comparison = code[..*equals].ends_with(['=', '<', '>', '!']);
@@ -182,7 +182,7 @@ fn no_value(&Spot { ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
 }
 
 /// Numbers with commas between them behind `=`.
-fn bare_list(&Spot { ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
+fn bare_list(Spot { line, code, .. }: &Spot<'_>) -> Option<Explained> {
     code.match_indices('=').find_map(|(equals, _)| {
         let value = &code[equals + 1..];
         let value = value[..value.find(['}', ']']).unwrap_or(value.len())].trim();
@@ -262,7 +262,7 @@ fn bare_point(&Spot { text, at, ref line, .. }: &Spot<'_>) -> Option<Explained> 
 }
 
 /// Digits, a comma and digits behind `=`.
-fn decimal_comma(&Spot { ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
+fn decimal_comma(Spot { line, code, .. }: &Spot<'_>) -> Option<Explained> {
     let is_digit = |place: usize| code.as_bytes().get(place).is_some_and(u8::is_ascii_digit);
     let comma =
         code.char_indices().filter(|(_, letter)| *letter == ',').find_map(|(comma, _)| {

@@ -349,32 +349,30 @@ impl Chart<'_> {
     /// A signal as lines, one for each time during which it was known; of what falls on half a unit
     /// of the picture, the first, the least, the greatest and the last.
     fn lines(&self, signal: &Signal, y: impl Fn(f64) -> f64) -> Vec<Vec<[f64; 2]>> {
-        let mut lines: Vec<Vec<[f64; 2]>> = vec![Vec::new()];
-        let mut column: Vec<[f64; 2]> = Vec::new();
-        let mut before: Option<f64> = None;
-        let wraps = signal.name == "heading_deg";
+        // Of each line its columns.
+        let mut lines: Vec<Vec<Vec<[f64; 2]>>> = Vec::new();
+        let mut before = f64::NAN;
         for (time_s, &value) in self.timeline.times_s.iter().zip(&signal.values) {
-            let is_apart =
-                value.is_nan() || wraps && before.is_some_and(|b| (b - value).abs() > 300.0);
-            if is_apart {
-                lines.last_mut().into_iter().for_each(|line| line.extend(thinned(&column)));
-                column.clear();
-                lines.push(Vec::new());
-            }
-            before = Some(value).filter(|value| !value.is_nan());
-            if before.is_none() {
+            let wraps = signal.name == "heading_deg" && (before - value).abs() > 300.0;
+            let begins = before.is_nan() || wraps;
+            before = value;
+            if value.is_nan() {
                 continue;
             }
-            let x = self.x(*time_s);
-            if column.first().is_some_and(|first| x - first[0] >= 0.5) {
-                lines.last_mut().into_iter().for_each(|line| line.extend(thinned(&column)));
-                column.clear();
+            if begins {
+                lines.push(Vec::new());
             }
-            column.push([x, y(value)]);
+            let place = [self.x(*time_s), y(value)];
+            let Some(columns) = lines.last_mut() else { continue };
+            match columns.last_mut() {
+                Some(column) if place[0] - column[0][0] < 0.5 => column.push(place),
+                _ => columns.push(vec![place]),
+            }
         }
-        lines.last_mut().into_iter().for_each(|line| line.extend(thinned(&column)));
-        lines.retain(|line| !line.is_empty());
-        lines
+        let line = |columns: &Vec<Vec<[f64; 2]>>| {
+            columns.iter().flat_map(|column| thinned(column)).collect()
+        };
+        lines.iter().map(line).collect()
     }
 }
 

@@ -21,8 +21,10 @@ use crate::units::rounded_to;
 
 const TEMPLATE: &str = include_str!("page.html");
 
-/// The page.
-pub(super) fn html(scene: &Scene) -> String {
+/// The scene as one HTML page that needs nothing else: drag to pan, wheel to zoom, slide through
+/// time.
+#[must_use]
+pub fn html(scene: &Scene) -> String {
     let page = TEMPLATE.replace("@TITLE@", &escaped(&scene.title));
     page.replace("\"@DATA@\"", &inside_script(&data(scene).to_string()))
 }

@@ -7,8 +7,9 @@ use plotters::style::text_anchor::{HPos, VPos};
 use plotters::style::{RGBColor, WHITE};
 
 use super::canvas::{self, Canvas, Drawing, INK, LEFT_MIDDLE, MESH, PlotError, SOFT, rgb};
+pub use super::page::html;
 use super::ruler::Ruler;
-use super::{Colours, PathPoint, Scene, Track, colours, is_single, page, thinned};
+use super::{Colours, PathPoint, Scene, Track, colours, is_single, thinned};
 use crate::sim::Paint;
 use crate::units::count;
 
@@ -51,13 +52,6 @@ pub fn png(scene: &Scene) -> Result<Vec<u8>, PlotError> {
 /// [`PlotError::Draw`].
 pub fn pdf(scene: &Scene) -> Result<Vec<u8>, PlotError> {
     canvas::pdf(&Picture::of(scene))
-}
-
-/// The scene as one HTML page that needs nothing else: drag to pan, wheel to zoom, slide through
-/// time.
-#[must_use]
-pub fn html(scene: &Scene) -> String {
-    page::html(scene)
 }
 
 /// Where the world lies in the picture, in layout units.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure, named};
 use super::watch::Watch;
-use crate::cli::common::make_folder;
+use crate::cli::common::{bar_style, make_folder};
 use crate::cli::output::safe;
 use crate::cli::{Exit, Failure, Output};
 use crate::link::client::{MOST_BYTES, file_so_far};
@@ -210,9 +210,8 @@ struct ProgressLine {
 
 impl ProgressLine {
     fn new(output: &Output) -> Self {
-        let style = indicatif::ProgressStyle::with_template("{spinner} {msg}").ok();
         let bar = output.is_watched().then(indicatif::ProgressBar::new_spinner);
-        Self { bar: bar.map(|bar| style.map_or(bar.clone(), |style| bar.with_style(style))) }
+        Self { bar: bar.map(|bar| bar.with_style(bar_style("{spinner} {msg}"))) }
     }
 
     fn show(&mut self, progress: &FetchProgress, how: &str, output: &mut Output) {

@@ -9,8 +9,6 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-use serde::Serialize;
-
 use crate::behavior::Capabilities;
 use crate::cli::common::{load_mission, read_own, warn};
 use crate::cli::key::Folder;
@@ -36,12 +34,6 @@ pub(in crate::cli) struct Arguments {
     missions: Vec<PathBuf>,
     #[command(flatten)]
     keys: Folder,
-}
-
-#[derive(Serialize)]
-struct Pushed<'p> {
-    host: &'p str,
-    missions: Vec<&'p str>,
 }
 
 /// A mission as it goes over.
@@ -89,7 +81,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     let names: Vec<&str> = parcels.iter().map(|parcel| parcel.name.as_str()).collect();
     let text = format!("{host} has {}", names.join(", "));
-    output.show(text, &Pushed { host: &host, missions: names });
+    output.show(text, &serde_json::json!({ "host": host, "missions": names }));
     Ok(())
 }
 

@@ -241,37 +241,27 @@ pub(super) fn named(brick: &KnownBrick, failure: Failure) -> Failure {
 /// A brick that did not do what it was asked, without its name.
 pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
     let message = crate::printable::with_causes(error);
-    let (exit, hint) = match error {
-        ClientError::NoAnswer { .. } => (
-            Exit::NoAnswer,
-            "is it switched on, in this network, and serving? onbrick bricks shows who is there"
-                .to_owned(),
+    let refused = |hint: &str| Failure::refused(&message).hint(hint);
+    match error {
+        ClientError::NoAnswer { .. } => Failure::new(Exit::NoAnswer, message).hint(
+            "is it switched on, in this network, and serving? onbrick bricks shows who is there",
         ),
-        ClientError::NotAuthorised { .. } => {
-            (Exit::Refused, format!("onbrick pair {}", brick.address))
+        ClientError::NotAuthorised { .. } => refused(&format!("onbrick pair {}", brick.address)),
+        ClientError::AnotherKey { .. } => {
+            refused(&format!("onbrick pair {} again, if it was set up from scratch", brick.address))
         }
-        ClientError::AnotherKey { .. } => (
-            Exit::Refused,
-            format!("onbrick pair {} again, if it was set up from scratch", brick.address),
-        ),
-        ClientError::Refused(Refusal { hint: Some(hint), .. }) => (Exit::Refused, hint.clone()),
-        ClientError::Refused(Refusal { kind: Kind::BrokenMission, .. }) => (
-            Exit::Refused,
+        ClientError::Refused(Refusal { hint: Some(hint), .. }) => refused(hint),
+        ClientError::Refused(Refusal { kind: Kind::BrokenMission, .. }) => refused(
             "onbrick check, which says the same of a file here; with --robot, the brick's \
-             robot.toml, also what the robot lacks"
-                .to_owned(),
+             robot.toml, also what the robot lacks",
         ),
-        ClientError::Taken { .. } => {
-            (Exit::Refused, "wait for the other one, or -o with another folder".to_owned())
+        ClientError::Refused(_) => Failure::refused(message),
+        ClientError::Taken { .. } => refused("wait for the other one, or -o with another folder"),
+        ClientError::OtherRecording { .. } => {
+            refused("-o with another folder, such as one for each brick; both are kept then")
         }
-        ClientError::OtherRecording { .. } => (
-            Exit::Refused,
-            "-o with another folder, such as one for each brick; both are kept then".to_owned(),
-        ),
-        ClientError::TooLong { .. } => (
-            Exit::Refused,
-            "onbrick runs, which tells how long its runs are; onbrick fetch --most-mb takes more"
-                .to_owned(),
+        ClientError::TooLong { .. } => refused(
+            "onbrick runs, which tells how long its runs are; onbrick fetch --most-mb takes more",
         ),
         ClientError::File { source, .. }
             if matches!(
@@ -279,12 +269,10 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
                 ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem
             ) =>
         {
-            (Exit::Refused, "-o with a folder that can be written to".to_owned())
+            refused("-o with a folder that can be written to")
         }
-        ClientError::Refused(_) => return Failure::refused(message),
-        _ => return Failure::new(Exit::Failed, message),
-    };
-    Failure::new(exit, message).hint(hint)
+        _ => Failure::new(Exit::Failed, message),
+    }
 }
 
 /// A folder to put recordings into.

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::super::remote::failure;
 use super::super::watch::{Began, Watch};
 use super::Plan;
+use crate::cli::common::bar_style;
 use crate::cli::output::safe;
 use crate::cli::{Exit, Failure, Output};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, SECOND_NS, wall_ns};
@@ -215,9 +216,7 @@ impl Shown {
     fn new(shares: &[Share<'_>], output: &Output) -> Self {
         let names = shares.iter().map(|share| share.member.brick.name.chars().count());
         let width = names.max().unwrap_or(0);
-        let template = format!("{{prefix:{width}}} {{bar:24}} {{msg}}");
-        let style = indicatif::ProgressStyle::with_template(&template);
-        let style = style.unwrap_or_else(|_| indicatif::ProgressStyle::default_bar());
+        let style = bar_style(&format!("{{prefix:{width}}} {{bar:24}} {{msg}}"));
         let all = indicatif::MultiProgress::new();
         let bar = |share: &Share<'_>| {
             let bar = all.add(indicatif::ProgressBar::new(1000)).with_style(style.clone());
