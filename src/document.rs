@@ -8,7 +8,7 @@
 //! # Not here
 //!
 //! No schema: what a robot, a mission or a world consists of stands with each of them. No I/O but
-//! in [`read_bounded`] and [`save`].
+//! in [`read_bounded`], [`toml_files`] and [`save`].
 //!
 //! # What we count on
 //!
@@ -36,7 +36,7 @@ mod values;
 pub(crate) use finding::nearest_or_all;
 pub use finding::{Finding, Findings, Severity, nearest, one_of};
 pub use kind::Kind;
-pub use load::read_bounded;
+pub use load::{if_there, read_bounded, toml_files};
 pub use parts::append;
 use syntax::Explained;
 

@@ -129,6 +129,7 @@ use crate::protocol::{
     Done, Fetch, Fetched, Kind, Live, MAX_FETCH_BYTES, Missions, RunId, Runs, Start, Started,
     State, Status, Stopped,
 };
+use crate::service::config::{own_folder, path_in};
 
 pub use client::{Client, ClientError, FetchProgress, Patience};
 pub use keys::{KeyPair, KnownBrick, KnownBricks, PublicKey};
@@ -141,10 +142,7 @@ pub use team::Team;
 /// (`$XDG_CONFIG_HOME`, `~/.config`); `None` where there is no home.
 #[must_use]
 pub fn key_folder() -> Option<PathBuf> {
-    let named = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
-    let below = |folder: PathBuf| folder.join("onbrick");
-    let home = || named("HOME").map(|home| below(home.join(".config")));
-    named("ONBRICK_KEYS").or_else(|| named("XDG_CONFIG_HOME").map(below)).or_else(home)
+    path_in("ONBRICK_KEYS").or_else(own_folder)
 }
 
 /// `None` where nothing is there yet, or a signal came in between: the caller looks again.

@@ -89,10 +89,9 @@ pub(super) fn brick_is_there(tree: &std::sync::Arc<dyn Tree>) -> Result<(), Fail
 /// Below this folder is no brick.
 pub(super) fn no_brick(root: &Path) -> Failure {
     let root = root.display();
-    Failure::new(
-        Exit::Failed,
-        format!("there is no brick below {root}: no devices of ev3dev in its sys/class"),
-    )
+    Failure::failed(format!(
+        "there is no brick below {root}: no devices of ev3dev in its sys/class"
+    ))
     .hint(if cfg!(feature = "sim") {
         "run this on the brick; or onbrick sim FOLDER, which mounts a simulated one, and then \
          --brick FOLDER here"

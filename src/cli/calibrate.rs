@@ -155,7 +155,7 @@ fn unsure(robot: &Path, error: &ApplyError) -> Failure {
     let stays = format!("{} stays as it is", robot.display());
     match error {
         ApplyError::Findings(findings) => {
-            Failure::new(Exit::Failed, format!("{stays}; with the new numbers:\n{findings}"))
+            Failure::failed(format!("{stays}; with the new numbers:\n{findings}"))
         }
         error => Failure::from_error(Exit::Failed, &stays, error),
     }

@@ -327,7 +327,7 @@ pub(super) fn must_be_new(path: &Path) -> Result<(), Failure> {
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     may_write(path, bytes)?;
     save::write(path, bytes, Readers::AsUsual)
-        .map_err(|error| Failure::new(Exit::Failed, with_causes(&error)).hint(WRITABLE))
+        .map_err(|error| Failure::failed(with_causes(&error)).hint(WRITABLE))
 }
 
 /// Refuses to write over a file of another kind.
@@ -468,10 +468,10 @@ impl From<ProcessError> for Failure {
     fn from(error: ProcessError) -> Self {
         let message = with_causes(&error);
         match error {
-            ProcessError::NoJob(_) => Self::new(Exit::Usage, message)
+            ProcessError::NoJob(_) => Self::usage(message)
                 .hint("onbrick run, which starts this process and gives it its job"),
-            ProcessError::Simulated => Self::new(Exit::Usage, message),
-            _ => Self::new(Exit::Failed, message),
+            ProcessError::Simulated => Self::usage(message),
+            _ => Self::failed(message),
         }
     }
 }

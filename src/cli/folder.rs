@@ -65,7 +65,7 @@ impl RunFolder {
         if run_folder.path.to_str().is_none() {
             run_folder.take_back();
             let place = run_folder.path.display();
-            return Err(Failure::new(Exit::Usage, format!("the path {place} is not UTF-8"))
+            return Err(Failure::usage(format!("the path {place} is not UTF-8"))
                 .hint("--out with a folder whose whole path is UTF-8"));
         }
         let mut files =

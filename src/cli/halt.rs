@@ -86,14 +86,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             "the motors are still, but {} (process {}) cannot be ended",
             owner.doing, owner.pid
         );
-        return Err(
-            Failure::new(Exit::Failed, why).hint("run onbrick halt as the same user, or as root")
-        );
+        return Err(Failure::failed(why).hint("run onbrick halt as the same user, or as root"));
     }
     if moving.is_empty() {
         return Ok(());
     }
-    Err(Failure::new(Exit::Failed, format!("still turning: {}", moving.join(", ")))
+    Err(Failure::failed(format!("still turning: {}", moving.join(", ")))
         .hint("something else commands these motors, or a hand turns them; unplug their cables"))
 }
 

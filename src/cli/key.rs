@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 use nix::unistd::geteuid;
 
-use super::{Exit, Failure, Output};
+use super::{Failure, Output};
 use crate::link::keys::{Authorised, AuthorisedKey, KeyError, PublicKey};
 use crate::link::{KeyPair, key_folder};
 #[cfg(feature = "host")]
@@ -82,8 +82,7 @@ impl Folder {
     /// The folder that is meant.
     pub(super) fn path(&self) -> Result<PathBuf, Failure> {
         self.keys.clone().or_else(key_folder).ok_or_else(|| {
-            Failure::new(Exit::Usage, "there is no HOME to keep keys below")
-                .hint("--keys with a folder")
+            Failure::usage("there is no HOME to keep keys below").hint("--keys with a folder")
         })
     }
 
@@ -171,7 +170,7 @@ fn refuse_for_another(folder: &Path) -> Result<(), Failure> {
 
 fn parsed(key: &str) -> Result<PublicKey, Failure> {
     PublicKey::parse(key).map_err(|error| {
-        Failure::new(Exit::Usage, error.to_string())
+        Failure::usage(error.to_string())
             .hint("onbrick key show on the other machine; the shell wants it in single quotes")
     })
 }

@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use super::common::{WRITABLE, must_be_new};
-use super::{Exit, Failure, Output};
+use super::{Failure, Output};
 use crate::behavior::shipped::{self, Shipped};
 use crate::document::one_of;
 use crate::document::save::{self, Readers};
@@ -43,8 +43,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     if arguments.from.is_some()
         && !matches!(arguments.what, What::Mission | What::Submachine | What::Robot)
     {
-        return Err(Failure::new(
-            Exit::Usage,
+        return Err(Failure::usage(
             "--from is for a mission, a sub-machine or a robot: of the others there is only one",
         ));
     }
@@ -80,7 +79,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         _ => text,
     };
     save::create(path, text, Readers::AsUsual)
-        .map_err(|error| Failure::new(Exit::Failed, with_causes(&error)).hint(WRITABLE))?;
+        .map_err(|error| Failure::failed(with_causes(&error)).hint(WRITABLE))?;
     output.wrote(path);
     Ok(())
 }
@@ -96,7 +95,7 @@ fn start_from(
     name: &str,
 ) -> Result<&'static str, Failure> {
     shipped.iter().find(|(known, _)| *known == name).map(|(_, text)| *text).ok_or_else(|| {
-        Failure::new(Exit::Usage, format!("there is no shipped {what} `{name}`"))
+        Failure::usage(format!("there is no shipped {what} `{name}`"))
             .hint(one_of(name, shipped.iter().map(|(known, _)| *known)))
     })
 }

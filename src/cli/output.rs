@@ -47,6 +47,16 @@ impl Failure {
         Self { exit, message: message.into(), hint: None }
     }
 
+    /// It was tried, and failed.
+    pub fn failed(message: impl Into<String>) -> Self {
+        Self::new(Exit::Failed, message)
+    }
+
+    /// What was asked for makes no sense.
+    pub fn usage(message: impl Into<String>) -> Self {
+        Self::new(Exit::Usage, message)
+    }
+
     /// A check failed before anything moved.
     pub fn refused(message: impl Into<String>) -> Self {
         Self::new(Exit::Refused, message)

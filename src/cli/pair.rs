@@ -200,7 +200,7 @@ fn here(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
             Pairing::Compare { .. } | Pairing::Open { .. } => {
                 if flags.signal.load(std::sync::atomic::Ordering::Relaxed) {
                     ask(&LocalOnly::PairingWindow { seconds: 0 })?;
-                    return Err(Failure::new(Exit::Failed, "interrupted"));
+                    return Err(Failure::failed("interrupted"));
                 }
                 MonotonicClock.sleep_ns(LOOK_NS);
                 shown = ask(&LocalOnly::PairingState)?;

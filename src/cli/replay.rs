@@ -41,10 +41,8 @@ struct Named<'r> {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     match (arguments.runs.as_slice(), &arguments.robot, &arguments.out) {
         ([run], Some(robot), Some(out)) => remake(run, robot, out, output),
-        (_, Some(_), Some(_)) => {
-            Err(Failure::new(Exit::Usage, "--robot and --out are for one recording")
-                .hint("once for each, with --out for each"))
-        }
+        (_, Some(_), Some(_)) => Err(Failure::usage("--robot and --out are for one recording")
+            .hint("once for each, with --out for each")),
         ([run], ..) => again(run, false, output),
         (several, ..) => {
             let failures: Vec<Failure> = several
@@ -82,7 +80,7 @@ fn again(run: &Path, named: bool, output: &mut Output) -> Result<(), Failure> {
         Ok(())
     } else {
         let message = format!("the replay of {} differs from what was recorded", run.display());
-        Err(Failure::new(Exit::Failed, message))
+        Err(Failure::failed(message))
     }
 }
 

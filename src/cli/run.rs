@@ -197,7 +197,7 @@ fn bad_end(why: String, file: &Path, seen: bool) -> Failure {
     let message =
         if seen { "the run did not come to a good end, as said above".into() } else { why };
     let file = in_shell(file);
-    Failure::new(Exit::Failed, message).hint(if cfg!(feature = "host") {
+    Failure::failed(message).hint(if cfg!(feature = "host") {
         format!("onbrick plot {file} -o run.html, to see where it was; onbrick replay {file}")
     } else {
         format!("onbrick replay {file}")

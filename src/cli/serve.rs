@@ -14,7 +14,7 @@ use crate::mapping::Pose;
 use crate::runtime::Brick;
 #[cfg(feature = "link")]
 use crate::service::NetworkLink;
-use crate::service::config::{BRICK_FOLDER, CONFIG_FILE};
+use crate::service::config::{BRICK_FOLDER, CONFIG_FILE, own_folder};
 use crate::service::{Config, LocalSocket, RobotSite, Service, SocketError};
 
 /// Serve a brick: missions are started and stopped, and runs kept, for the menu and for PCs.
@@ -139,13 +139,11 @@ fn config_folder(arguments: &Arguments) -> Result<PathBuf, Failure> {
     if arguments.brick.is_machine() {
         return Ok(PathBuf::from(BRICK_FOLDER));
     }
-    let config = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from);
-    let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".config"));
-    let folder = config.or_else(home).ok_or_else(|| {
-        Failure::new(Exit::Usage, "there is no HOME to keep a configuration below")
+    let folder = own_folder().ok_or_else(|| {
+        Failure::usage("there is no HOME to keep a configuration below")
             .hint("--config with a folder")
     })?;
-    make(folder.join("onbrick"))
+    make(folder)
 }
 
 /// Reads the folder's `onbrick.toml`. A folder without one is set up as the file's absence says; a

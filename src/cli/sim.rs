@@ -188,7 +188,7 @@ fn span(text: &str) -> Result<f64, String> {
 /// Writes orders to a mounted brick's `sim/orders`.
 fn order(brick: &Path, order: &str, output: &mut Output) -> Result<(), Failure> {
     Order::parse(0, order).map_err(|error| {
-        let failure = Failure::new(Exit::Usage, format!("`{order}`: {}", error.message));
+        let failure = Failure::usage(format!("`{order}`: {}", error.message));
         failure.hint(error.hint.unwrap_or_else(|| {
             "in1 stuck, outB block for 2, in4 unplug, battery 6.2, clear".to_owned()
         }))
@@ -226,8 +226,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         None => {}
     }
     let Some(mountpoint) = &arguments.mountpoint else {
-        return Err(Failure::new(Exit::Usage, "where is the brick to be mounted?")
-            .hint("onbrick sim FOLDER"));
+        return Err(Failure::usage("where is the brick to be mounted?").hint("onbrick sim FOLDER"));
     };
     // Before anything is mounted, so that no signal can leave it behind.
     let flags = stop_flags()?;
@@ -236,7 +235,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let is_svg = |file: &Path| file.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
     if let Some(file) = arguments.show.as_deref().filter(|file| !is_svg(file)) {
         let message = format!("the room is drawn as SVG, and {} is none", file.display());
-        return Err(Failure::new(Exit::Usage, message).hint("--show with a name that ends in .svg"));
+        return Err(Failure::usage(message).hint("--show with a name that ends in .svg"));
     }
     arguments.show.as_ref().map_or(Ok(()), |file| draw(file, &simulation))?;
     let events =
@@ -327,7 +326,7 @@ fn nodes(
         let beyond = if first == 0 { 0 } else { robot };
         let port = u16::try_from(beyond).ok().and_then(|beyond| first.checked_add(beyond));
         let port = port.ok_or_else(|| {
-            Failure::new(Exit::Usage, format!("there are too few ports from {first} on"))
+            Failure::usage(format!("there are too few ports from {first} on"))
                 .hint("--node with a smaller number")
         })?;
         let served = crate::link::Node::serve(&mount.root(robot), &format!("127.0.0.1:{port}"));

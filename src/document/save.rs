@@ -5,6 +5,8 @@ use std::io::{self, Write};
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 
+use super::if_there;
+
 /// Why a file was not written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -118,11 +120,8 @@ fn failed(path: &Path) -> impl FnOnce(io::Error) -> SaveError {
 ///
 /// [`SaveError`]; the file is then as it was.
 pub fn replace(path: &Path, text: &str) -> Result<Option<PathBuf>, SaveError> {
-    let backup = match std::fs::read(path) {
-        Ok(before) => Some(keep(path, &before)?),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
-        Err(error) => return Err(failed(path)(error)),
-    };
+    let before = if_there(std::fs::read(path)).map_err(failed(path))?;
+    let backup = before.map(|before| keep(path, &before)).transpose()?;
     write(path, text.as_bytes(), Readers::AsUsual)?;
     Ok(backup)
 }

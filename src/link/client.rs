@@ -399,6 +399,5 @@ fn name_in(text: &str) -> String {
 pub fn new_run_id(mission: &str) -> Result<RunId, Refusal> {
     let chance = hex(&super::pairing::random().unwrap_or_default()[..4]);
     let unique = format!("{}-{chance}", wall_ns() / SECOND_NS);
-    RunId::of_mission(mission, &unique)
-        .map_err(|error| Refusal::new(Kind::BadRequest, error.to_string()))
+    RunId::of_mission(mission, &unique).map_err(|error| Refusal::bad_request(error.to_string()))
 }

@@ -127,10 +127,10 @@ fn id_of(bytes: &[u8]) -> Option<Id> {
 fn body<R: DeserializeOwned>(bytes: &[u8], id: &Id) -> Result<R, NotUnderstood> {
     serde_json::from_slice(bytes).map_err(|error| NotUnderstood {
         id: Some(id.clone()),
-        refusal: Refusal::new(
-            Kind::BadRequest,
-            format!("the request's fields: {}", said::<R>(bytes, &error)),
-        ),
+        refusal: Refusal::bad_request(format!(
+            "the request's fields: {}",
+            said::<R>(bytes, &error)
+        )),
     })
 }
 

@@ -22,6 +22,16 @@ impl Refusal {
         Self { kind, message: message.into(), hint: None }
     }
 
+    /// It was tried, and failed.
+    pub fn failed(message: impl Into<String>) -> Self {
+        Self::new(Kind::Failed, message)
+    }
+
+    /// The request makes no sense.
+    pub fn bad_request(message: impl Into<String>) -> Self {
+        Self::new(Kind::BadRequest, message)
+    }
+
     /// Of a request in another version of the protocol: who is older, and what to do.
     pub fn of_version(asked: u32) -> Self {
         let (this, program) = (VERSION, env!("CARGO_PKG_VERSION"));

@@ -21,6 +21,18 @@ pub const CONFIG_FILE: &str = "onbrick.toml";
 /// Where the configuration is on a brick.
 pub const BRICK_FOLDER: &str = "/etc/onbrick";
 
+/// `onbrick` in a user's own folder of configurations (`$XDG_CONFIG_HOME`, `~/.config`); `None`
+/// where there is no home.
+pub(crate) fn own_folder() -> Option<PathBuf> {
+    let home = || Some(path_in("HOME")?.join(".config"));
+    path_in("XDG_CONFIG_HOME").or_else(home).map(|config| config.join("onbrick"))
+}
+
+/// The path in a variable of the environment.
+pub(crate) fn path_in(variable: &str) -> Option<PathBuf> {
+    std::env::var_os(variable).filter(|value| !value.is_empty()).map(PathBuf::from)
+}
+
 /// How a service is set up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {

@@ -60,7 +60,8 @@ pub(super) struct Inner {
     /// One change of the settings at a time: each is made of what is there, and written to the same
     /// file.
     setting: Mutex<()>,
-    link: Mutex<Link>,
+    /// The network's link, or why there is none.
+    link: Mutex<Result<Arc<dyn NetworkLink>, String>>,
 }
 
 /// What changes.
@@ -82,13 +83,6 @@ pub(super) struct Now {
     pub(super) battery: BatteryConfig,
     /// Nothing starts any more: the service is about to end.
     pub(super) closing: bool,
-}
-
-/// The network's link, or why there is none.
-#[derive(Debug)]
-enum Link {
-    Waits(String),
-    Up(Arc<dyn NetworkLink>),
 }
 
 impl Service {
@@ -127,8 +121,8 @@ impl Service {
             changed: Condvar::new(),
             starting: Mutex::new(()),
             setting: Mutex::new(()),
-            link: Mutex::new(Link::Waits(
-                "there is no link: this onbrick, or this service, has none".to_owned(),
+            link: Mutex::new(Err(
+                "there is no link: this onbrick, or this service, has none".to_owned()
             )),
         });
         let service = Self { inner };
@@ -151,22 +145,19 @@ impl Service {
 
     /// The network's link is there: from now on it tells its own state.
     pub fn attach_link(&self, link: Arc<dyn NetworkLink>) {
-        *lock(&self.inner.link) = Link::Up(link);
+        *lock(&self.inner.link) = Ok(link);
     }
 
     /// There is no network's link, or not yet: why.
     pub fn no_link(&self, why: &str) {
-        *lock(&self.inner.link) = Link::Waits(why.to_owned());
+        *lock(&self.inner.link) = Err(why.to_owned());
     }
 
     fn status(&self) -> Status {
         let inner = &self.inner;
         let now_ns = MonotonicClock.now_ns();
         let disk = inner.store.disk();
-        let link = match &*lock(&inner.link) {
-            Link::Waits(why) => why.clone(),
-            Link::Up(link) => link.state(),
-        };
+        let link = lock(&inner.link).as_ref().map_or_else(String::clone, |link| link.state());
         let is_idle = lock(&inner.now).machine.run().is_none();
         let taken = is_idle.then(|| inner.hardware.other_owner()).flatten();
         let now = lock(&inner.now);
@@ -209,10 +200,7 @@ impl Service {
         let capabilities = missions::robot(&self.inner.config.robot)
             .map_or_else(|_| Capabilities::all(), |(_, robot)| robot.capabilities());
         let missions = missions::list(folder, &capabilities).map_err(|error| {
-            Refusal::new(
-                Kind::Failed,
-                format!("cannot list the missions in {}: {error}", folder.display()),
-            )
+            Refusal::failed(format!("cannot list the missions in {}: {error}", folder.display()))
         })?;
         Ok(Missions { missions })
     }
@@ -236,15 +224,12 @@ impl Service {
 
     fn settings(&self) -> Settings {
         let kept = lock(&self.inner.now).kept.clone();
-        let fingerprint = match &*lock(&self.inner.link) {
-            Link::Waits(_) => None,
-            Link::Up(link) => link.fingerprint(),
-        };
+        let link = lock(&self.inner.link).clone();
         Settings {
             brick: self.inner.name.to_string(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             addresses: addresses(&self.inner.config.link.address),
-            fingerprint,
+            fingerprint: link.ok().and_then(|link| link.fingerprint()),
             lights: kept.lights,
             sounds: kept.sounds,
             time_limit_s: kept.time_limit_s,
@@ -256,18 +241,15 @@ impl Service {
         let kept = lock(&self.inner.now).kept.changed(change)?;
         kept.write(&self.inner.config.runs).map_err(|error| {
             let folder = self.inner.config.runs.display();
-            Refusal::new(Kind::Failed, format!("cannot keep the settings in {folder}: {error}"))
+            Refusal::failed(format!("cannot keep the settings in {folder}: {error}"))
         })?;
         lock(&self.inner.now).kept = kept;
         Ok(self.settings())
     }
 
     fn pairing(&self, ask: impl FnOnce(&dyn NetworkLink) -> Pairing) -> Pairing {
-        let link = match &*lock(&self.inner.link) {
-            Link::Waits(why) => return Pairing::NoLink { why: why.clone() },
-            Link::Up(link) => Arc::clone(link),
-        };
-        ask(&*link)
+        let link = lock(&self.inner.link).clone();
+        link.map_or_else(|why| Pairing::NoLink { why }, |link| ask(&*link))
     }
 
     fn menu_closed(&self, asker: &str) -> Result<Answer, Refusal> {
@@ -373,7 +355,6 @@ pub(super) fn named(caller: &Caller) -> String {
 }
 
 fn answer(value: &impl Serialize) -> Result<Answer, Refusal> {
-    let value = serde_json::to_value(value)
-        .map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
+    let value = serde_json::to_value(value).map_err(|error| Refusal::failed(error.to_string()))?;
     Ok(Answer { value, bytes: None })
 }

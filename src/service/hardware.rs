@@ -105,8 +105,7 @@ impl Hardware {
 
     /// What is plugged in and what it reads.
     pub(super) fn live(&self, robot: Option<&RobotConfig>, now_ns: i64) -> Result<Live, Refusal> {
-        let failed =
-            |why: String| Refusal::new(Kind::Failed, format!("cannot look at the devices: {why}"));
+        let failed = |why: String| Refusal::failed(format!("cannot look at the devices: {why}"));
         let tree = self.tree(now_ns).ok_or_else(|| failed("there is no brick".to_owned()))?;
         let inventory = Inventory::read(&tree).map_err(|error| failed(error.to_string()))?;
         let plugged = inventory.devices.iter().filter(|entry| entry.class != "lego-port");
@@ -119,12 +118,11 @@ impl Hardware {
     ///
     /// - `percent`: of its full speed; 0 stops it and lets go.
     pub(super) fn jog(&self, port: &str, percent: i32, now_ns: i64) -> Result<(), Refusal> {
-        let wrong = |message: String| Refusal::new(Kind::BadRequest, message);
         if !(-100..=100).contains(&percent) {
-            return Err(wrong(format!("{percent} percent; it can be -100 to 100")));
+            return Err(Refusal::bad_request(format!("{percent} percent; it can be -100 to 100")));
         }
         let address: PortAddress =
-            port.parse().map_err(|error: NotAPort| wrong(error.to_string()))?;
+            port.parse().map_err(|error: NotAPort| Refusal::bad_request(error.to_string()))?;
         let mut held = lock(&self.jog);
         if held.as_ref().is_some_and(|jog| jog.port != port) {
             release(&mut held);
@@ -143,7 +141,7 @@ impl Hardware {
         jog.renewed_ns = now_ns;
         jog.motor.turn(full_rad_s * f64::from(percent) / 100.0, now_ns).map_err(|error| {
             release(&mut held);
-            Refusal::new(Kind::Failed, format!("the motor at {port}: {error}"))
+            Refusal::failed(format!("the motor at {port}: {error}"))
         })
     }
 
@@ -191,12 +189,9 @@ impl Hardware {
     }
 
     fn take(&self, port: &str, address: &PortAddress, now_ns: i64) -> Result<Jog, Refusal> {
-        let lock = match self.machine() {
-            Some(tree) => {
-                Some(HardwareLock::take(tree.root(), "turning a motor by hand").map_err(taken)?)
-            }
-            None => None,
-        };
+        let root = self.machine().map(Tree::root);
+        let lock = root.map(|root| HardwareLock::take(root, "turning a motor by hand"));
+        let lock = lock.transpose().map_err(taken)?;
         let failed =
             |error: String| Refusal::new(Kind::NotReady, format!("no motor to turn: {error}"));
         let tree = self.tree(now_ns).ok_or_else(|| failed("there is no brick".to_owned()))?;

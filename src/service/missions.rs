@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::digest::sha256_hex;
 use crate::behavior::{Capabilities, Mission, shipped};
-use crate::document::{nearest_or_all, read_bounded};
+use crate::document::{if_there, nearest_or_all, read_bounded};
 use crate::printable::line;
 use crate::protocol::{Chosen, Kind, MAX_MISSION_BYTES, MissionInfo, Refusal};
 use crate::robot::{DEFAULT_ROBOT, RobotConfig};
@@ -25,12 +25,10 @@ const MOST_MISSIONS: usize = 200;
 /// What is wrong with it, for people.
 pub(super) fn robot(path: &Path) -> Result<(Source, RobotConfig), String> {
     let name = path.display().to_string();
-    let source = match read(path) {
-        Ok(bytes) => Source::of(&name, &bytes).map_err(|findings| findings.to_string())?,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => {
-            Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() }
-        }
-        Err(error) => return Err(format!("cannot read {name}: {error}")),
+    let read = if_there(read(path)).map_err(|error| format!("cannot read {name}: {error}"))?;
+    let source = match read {
+        Some(bytes) => Source::of(&name, &bytes).map_err(|findings| findings.to_string())?,
+        None => Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() },
     };
     let (config, _) = source.robot().map_err(|findings| findings.to_string())?;
     Ok((source, config))
@@ -91,10 +89,7 @@ pub(super) fn load(source: &Source, capabilities: &Capabilities) -> Result<Missi
 
 fn by_name(folder: &Path, name: &str) -> Result<Source, Refusal> {
     let failed = |error: io::Error| {
-        Refusal::new(
-            Kind::Failed,
-            format!("cannot read the missions in {}: {error}", folder.display()),
-        )
+        Refusal::failed(format!("cannot read the missions in {}: {error}", folder.display()))
     };
     let (known, source) = match names(folder).map_err(failed)? {
         // Only names that the folder lists are opened: no path comes from outside.
@@ -129,11 +124,7 @@ fn by_name(folder: &Path, name: &str) -> Result<Source, Refusal> {
 
 /// The names in the folder; `None` where there is no folder.
 fn names(folder: &Path) -> io::Result<Option<Vec<String>>> {
-    let entries = match std::fs::read_dir(folder) {
-        Ok(entries) => entries,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(error),
-    };
+    let Some(entries) = if_there(std::fs::read_dir(folder))? else { return Ok(None) };
     let mut names = Vec::new();
     for entry in entries.take(10 * MOST_MISSIONS) {
         let name = entry?.file_name();

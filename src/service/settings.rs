@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::store::replace_file;
 use crate::behavior::Mission;
 use crate::document::read_bounded;
-use crate::protocol::{Kind, Refusal, SettingsChange};
+use crate::protocol::{Refusal, SettingsChange};
 
 /// The file's name; no run can have it, because of its dot.
 const FILE: &str = "settings.json";
@@ -55,7 +55,7 @@ impl Kept {
     ///
     /// # Errors
     ///
-    /// [`Kind::BadRequest`] for a time that no mission may have.
+    /// A bad request, for a time that no mission may have.
     pub(super) fn changed(&self, change: &SettingsChange) -> Result<Self, Refusal> {
         let (low, high) = Mission::TIME_LIMITS_S;
         let time_limit_s = match change.time_limit_s {
@@ -66,7 +66,7 @@ impl Kept {
                 let message = format!(
                     "a time limit of {limit_s} s; it can be {low} to {high}, and 0 for none"
                 );
-                return Err(Refusal::new(Kind::BadRequest, message));
+                return Err(Refusal::bad_request(message));
             }
         };
         Ok(Self {
@@ -102,6 +102,7 @@ pub(super) fn addresses(listens_at: &str) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::protocol::Kind;
 
     #[test]
     fn a_link_that_listens_at_one_address_is_reached_at_no_other() {

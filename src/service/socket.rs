@@ -226,7 +226,7 @@ impl ClientThread {
                         "a request has at most {MAX_REQUEST_BYTES} bytes, and ends with a \
                          line's end"
                     );
-                    let outcome = Outcome::Error(Refusal::new(Kind::BadRequest, message));
+                    let outcome = Outcome::Error(Refusal::bad_request(message));
                     // What follows in the stream cannot be told from the rest of it.
                     return send(&mut &*stream, &Reply { id: None, outcome }, None);
                 }

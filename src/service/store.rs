@@ -38,6 +38,7 @@ use std::sync::Mutex;
 use nix::fcntl::Flock;
 
 use super::digest::sha256_hex_of;
+use crate::document::if_there;
 use crate::protocol::{
     Disk, Fetch, Fetched, Kind, LastStop, MAX_FETCH_BYTES, Refusal, RunId, RunInfo,
 };
@@ -320,12 +321,10 @@ impl Store {
         };
         let path = self.recording(&fetch.run);
         let failed = |source| StoreError::Disk { doing: "read", path: path.clone(), source };
-        let (total, bytes) = match File::open(&path) {
-            Ok(file) => part(&file, fetch).map_err(failed)?,
-            // A run that was refused, or has not come so far, has no recording.
-            Err(error) if error.kind() == io::ErrorKind::NotFound => (0, Vec::new()),
-            Err(error) => return Err(failed(error)),
-        };
+        // A run that was refused, or has not come so far, has no recording.
+        let file = if_there(File::open(&path)).map_err(failed)?;
+        let read = file.map(|file| part(&file, fetch)).transpose().map_err(failed)?;
+        let (total, bytes) = read.unwrap_or_default();
         if fetch.offset > total {
             return Err(StoreError::BeyondEnd { offset: fetch.offset, total });
         }

@@ -135,7 +135,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     if ended.stop.reason.is_wanted() {
         Ok(())
     } else {
-        Err(Failure::new(Exit::Failed, ended.stop.to_string()))
+        Err(Failure::failed(ended.stop.to_string()))
     }
 }
 

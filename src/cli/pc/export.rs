@@ -111,7 +111,7 @@ fn timelines(runs: &[LoadedRun], tracks: &[Track]) -> Vec<Timeline> {
 /// from its senses.
 fn grid(runs: &[LoadedRun]) -> Result<Grid, Failure> {
     let [loaded] = runs else {
-        return Err(Failure::new(Exit::Usage, "an occupancy grid is made from one run")
+        return Err(Failure::usage("an occupancy grid is made from one run")
             .hint("once for each run, with --out for each"));
     };
     if loaded.run.map.is_none() {

@@ -73,7 +73,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     make_folder(Exit::Refused, &arguments.out.out)?;
     if arguments.follow {
         let [brick] = asking.bricks.as_slice() else {
-            return Err(Failure::new(Exit::Usage, "one brick can be followed at a time"));
+            return Err(Failure::usage("one brick can be followed at a time"));
         };
         return follow(arguments, &asking, brick, output);
     }

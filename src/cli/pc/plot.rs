@@ -94,7 +94,7 @@ fn chart(
     title: Option<&str>,
 ) -> Result<Result<Vec<u8>, PlotError>, Failure> {
     let [loaded] = runs else {
-        return Err(Failure::new(Exit::Usage, "signals are drawn of one run")
+        return Err(Failure::usage("signals are drawn of one run")
             .hint("once for each run, with -o for each"));
     };
     let doing = format!("cannot replay {}", loaded.name);
@@ -104,7 +104,7 @@ fn chart(
     let names: Vec<String> = names.iter().map(|name| name.trim().to_owned()).collect();
     let signals = timeline
         .named(&names)
-        .map_err(|error| Failure::new(Exit::Usage, error.to_string()).hint(error.hint))?;
+        .map_err(|error| Failure::usage(error.to_string()).hint(error.hint))?;
     let chart = Chart::new(&timeline, &signals, title);
     Ok(match kind {
         Kind::Svg => chart.svg().map(String::into_bytes),
@@ -112,7 +112,7 @@ fn chart(
         Kind::Pdf => chart.pdf(),
         Kind::Html => chart.html().map(String::into_bytes),
         Kind::Dxf => {
-            return Err(Failure::new(Exit::Usage, "signals are not drawn as DXF")
+            return Err(Failure::usage("signals are not drawn as DXF")
                 .hint("a name that ends in .svg, .png, .pdf or .html"));
         }
     })
@@ -133,7 +133,7 @@ impl Kind {
         let ending = file.extension().unwrap_or_default().to_string_lossy();
         Self::from_str(&ending, true).map_err(|_| {
             let message = format!("what kind of picture is {}?", file.display());
-            Failure::new(Exit::Usage, message)
+            Failure::usage(message)
                 .hint("a name that ends in .svg, .png, .pdf or .html; .dxf for the walls alone")
         })
     }

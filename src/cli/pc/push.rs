@@ -75,7 +75,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
                 .hint(format!("ssh {host}")));
         }
         _ => {
-            return Err(Failure::new(Exit::Failed, format!("{host} did not take the missions"))
+            return Err(Failure::failed(format!("{host} did not take the missions"))
                 .hint("look at what the brick said above; its disk may be full"));
         }
     }

@@ -142,7 +142,7 @@ fn chosen(
     if hosts.is_empty() {
         return match unnamed {
             Unnamed::TheOnly if all.len() > 1 => {
-                Err(Failure::new(Exit::Usage, format!("which brick? {names} are known")))
+                Err(Failure::usage(format!("which brick? {names} are known")))
             }
             _ => Ok(all),
         };
@@ -190,7 +190,7 @@ impl Asking {
         std::thread::scope(|scope| {
             let asked: Vec<_> =
                 self.bricks.iter().map(|brick| (brick, scope.spawn(move || one(brick)))).collect();
-            let lost = || Err(Failure::new(Exit::Failed, "the thread that asked has died"));
+            let lost = || Err(Failure::failed("the thread that asked has died"));
             asked
                 .into_iter()
                 .map(|(brick, thread)| (brick.clone(), thread.join().unwrap_or_else(|_| lost())))
@@ -271,7 +271,7 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
         {
             refused("-o with a folder that can be written to")
         }
-        _ => Failure::new(Exit::Failed, message),
+        _ => Failure::failed(message),
     }
 }
 

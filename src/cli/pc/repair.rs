@@ -31,7 +31,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         (Some(out), _) => out.clone(),
         (None, [single]) => single.with_extension("repaired.mcap"),
         (None, _) => {
-            return Err(Failure::new(Exit::Usage, "several recordings become one file: which?")
+            return Err(Failure::usage("several recordings become one file: which?")
                 .hint("--out both.mcap"));
         }
     };

@@ -54,9 +54,6 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     if turning.is_empty() {
         return Ok(());
     }
-    Err(Failure::new(
-        Exit::Failed,
-        format!("not every motor of {} was told to stop", turning.join(", ")),
-    )
-    .hint("onbrick stop once more, or Back on the brick"))
+    Err(Failure::failed(format!("not every motor of {} was told to stop", turning.join(", ")))
+        .hint("onbrick stop once more, or Back on the brick"))
 }

@@ -13,7 +13,7 @@ use super::start;
 use crate::behavior::Capabilities;
 use crate::cli::common::{load_mission, number_within, setting};
 use crate::cli::folder::RunFolder;
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::{Failure, Output};
 use crate::link::Team;
 use crate::protocol::Chosen;
 use crate::runtime::Source;
@@ -87,7 +87,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         None => wanted_by(&team, &arguments.team)?,
     };
     let wanted = wanted.ok_or_else(|| {
-        Failure::new(Exit::Usage, format!("which mission? {} names none", arguments.team.display()))
+        Failure::usage(format!("which mission? {} names none", arguments.team.display()))
             .hint("mission = \"map\" in the file, or onbrick team TEAM MISSION")
     })?;
     let checked = check::all(&asking, Some(&wanted));

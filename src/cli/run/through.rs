@@ -142,7 +142,7 @@ fn refuse_unfit(living: &Living, arguments: &Arguments) -> Result<(), Failure> {
         return Ok(());
     };
     let message = format!("{what} with the service that lives on this brick");
-    Err(Failure::new(Exit::Usage, message).hint(hint))
+    Err(Failure::usage(message).hint(hint))
 }
 
 /// A name is first of all that of one of this brick's missions, as in its menu and from a PC; then
@@ -225,8 +225,7 @@ fn follow(
         heard_ns = MonotonicClock.now_ns();
         let Some(going_on) = status.run.filter(|going_on| &going_on.run == run) else {
             let last = status.last.filter(|last| last.run.as_ref() == Some(run));
-            return last
-                .ok_or_else(|| Failure::new(Exit::Failed, "how the run ended is not known"));
+            return last.ok_or_else(|| Failure::failed("how the run ended is not known"));
         };
         if let Some(what) = going_on.waits.clone().filter(|_| waits != going_on.waits) {
             show(&Event::Preparing { what });
@@ -272,8 +271,7 @@ fn bring(client: &mut Client, info: &RunInfo, folder: &RunFolder) -> Result<Path
             Some(named) if named == sha256 => return Ok(path),
             Some(_) => {
                 let message = format!("{} is not what the service has recorded", path.display());
-                return Err(Failure::new(Exit::Failed, message)
-                    .hint("is its disk in order? onbrick replay"));
+                return Err(Failure::failed(message).hint("is its disk in order? onbrick replay"));
             }
             None if MonotonicClock.now_ns() >= deadline_ns => {
                 log::warn!(

@@ -40,7 +40,7 @@ pub(super) fn exec(brick: &Path, program: &[OsString], output: &mut Output) -> R
     }
     let flags = stop_flags()?;
     let Some((name, arguments)) = program.split_first() else {
-        return Err(Failure::new(Exit::Usage, "no program is named"));
+        return Err(Failure::usage("no program is named"));
     };
     let started = Command::new(name).args(arguments).envs(PrivateView::environment()).spawn();
     let name = Path::new(name).display();
@@ -92,7 +92,7 @@ pub(super) fn stand_in(
     output: &mut Output,
 ) -> Result<(), Failure> {
     let stand_in = StandIn::named(name)
-        .ok_or_else(|| Failure::new(Exit::Usage, format!("there is no stand-in for `{name}`")))?;
+        .ok_or_else(|| Failure::usage(format!("there is no stand-in for `{name}`")))?;
     let flags = stop_flags()?;
     let mut said = Vec::new();
     stand_in.run(view, arguments, &|| flags.is_raised(), &mut said).context(Exit::Failed, name)?;

@@ -36,6 +36,7 @@ use nix::sys::stat::Mode;
 use nix::unistd::{getegid, geteuid};
 
 use super::stand_in::StandIn;
+use crate::document::if_there;
 
 /// Of a mounted brick: what takes orders, and the screen.
 const ORDERS: &str = "sim/orders";
@@ -172,10 +173,8 @@ impl PrivateView {
             let doing = format!("cannot {doing}");
             move |source: io::Error| PrivateError::Failed { doing, source }
         };
-        let brick_screen = match File::options().read(true).write(true).open(brick.join(SCREEN)) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
-            opened => Some(opened.map_err(failed("open the brick's screen"))?),
-        };
+        let opened = File::options().read(true).write(true).open(brick.join(SCREEN));
+        let brick_screen = if_there(opened).map_err(failed("open the brick's screen"))?;
         let inputs = brick.join("dev/input/by-path");
         let mut events: Vec<OsString> = fs::read_dir(&inputs)
             .into_iter()

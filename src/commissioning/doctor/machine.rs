@@ -1,14 +1,14 @@
 //! What a run needs of the machine: permissions, disk, clock, priority; and whether its missions
 //! are in order.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nix::sys::resource::{Resource, getrlimit};
 use nix::unistd::{Gid, geteuid, getgroups};
 
 use crate::behavior::Capabilities;
 use crate::clock::{wrong_year, year};
-use crate::document::read_bounded;
+use crate::document::{read_bounded, toml_files};
 
 use super::{Examination, Report, Verdict, with_causes};
 use crate::recording::free_bytes;
@@ -121,7 +121,7 @@ pub(super) fn missions(examination: &mut Examination<'_>, report: &mut Report<'_
         .config
         .as_ref()
         .map_or_else(Capabilities::all, crate::robot::RobotConfig::capabilities);
-    let files = match mission_files(folder) {
+    let files = match toml_files(folder) {
         Ok(files) => files,
         Err(error) => {
             let found = format!("cannot look into {}: {error}", folder.display());
@@ -134,15 +134,6 @@ pub(super) fn missions(examination: &mut Examination<'_>, report: &mut Report<'_
     for file in files {
         mission(&file, &capabilities, &mut report.of("mission"));
     }
-}
-
-fn mission_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let mut files = std::fs::read_dir(folder)?
-        .map(|entry| entry.map(|entry| entry.path()))
-        .collect::<std::io::Result<Vec<_>>>()?;
-    files.retain(|file| file.extension().is_some_and(|ending| ending == "toml"));
-    files.sort();
-    Ok(files)
 }
 
 fn mission(file: &Path, capabilities: &Capabilities, report: &mut Report<'_>) {

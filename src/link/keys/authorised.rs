@@ -14,8 +14,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::{KeyError, PublicKey, make_folder, open};
-use crate::document::Document;
 use crate::document::save::{Readers, write};
+use crate::document::{Document, if_there, toml_files};
 use crate::protocol::Name;
 
 /// The folder of keys that may ask this machine.
@@ -96,18 +96,9 @@ impl Authorised {
     ///
     /// [`KeyError`] at the first file that cannot be used.
     pub fn list(&self) -> Result<Vec<AuthorisedKey>, KeyError> {
-        let entries = match fs::read_dir(&self.folder) {
-            Ok(entries) => entries,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-            Err(error) => return Err(KeyError::io(&self.folder)(error)),
-        };
-        let mut found = Vec::new();
-        for entry in entries {
-            let path = entry.map_err(KeyError::io(&self.folder))?.path();
-            if path.extension().is_some_and(|ending| ending == "toml") {
-                found.push(read(&path)?);
-            }
-        }
+        let files = if_there(toml_files(&self.folder)).map_err(KeyError::io(&self.folder))?;
+        let found = files.into_iter().flatten().map(|path| read(&path));
+        let mut found = found.collect::<Result<Vec<_>, _>>()?;
         found.sort_by(|one, other| (&one.name, one.key).cmp(&(&other.name, other.key)));
         Ok(found)
     }

@@ -10,13 +10,12 @@
 //! `onbrick pair` adds bricks to it; a person may edit it, and what else stands in it is kept.
 
 use std::fs::{self, OpenOptions};
-use std::io;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use super::{KeyError, PublicKey, make_folder};
 use crate::document::save::{Readers, quoted, write};
-use crate::document::{Document, Item, Section};
+use crate::document::{Document, Item, Section, if_there};
 use crate::link::client::Address;
 use crate::printable::line;
 use crate::protocol::Name;
@@ -62,12 +61,9 @@ impl KnownBricks {
     /// [`KeyError::Broken`], [`KeyError::Io`].
     pub fn load(folder: &Path) -> Result<Self, KeyError> {
         let path = folder.join("known_bricks");
-        match fs::read(&path) {
-            Ok(bytes) => Self::parse(path, &bytes),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                Ok(Self { path, text: HEADER.to_owned(), bricks: Vec::new() })
-            }
-            Err(error) => Err(KeyError::io(&path)(error)),
+        match if_there(fs::read(&path)).map_err(KeyError::io(&path))? {
+            Some(bytes) => Self::parse(path, &bytes),
+            None => Ok(Self { path, text: HEADER.to_owned(), bricks: Vec::new() }),
         }
     }
 

@@ -204,9 +204,7 @@ impl Inner {
     fn commit(&mut self, pc: PublicKey, name: Name, commit: Hex) -> Result<Said, Refusal> {
         let own = self.own()?;
         let number = match &self.stage {
-            Stage::Open => {
-                random().map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?
-            }
+            Stage::Open => random().map_err(|error| Refusal::failed(error.to_string()))?,
             // The same again: its answer was lost.
             Stage::Committed { pc: known, commit: before, number, .. }
                 if *known == pc && *before == commit.0 =>

@@ -10,7 +10,7 @@ use super::super::watch::{Began, Watch};
 use super::Plan;
 use crate::cli::common::bar_style;
 use crate::cli::output::safe;
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::{Failure, Output};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, SECOND_NS, wall_ns};
 use crate::link::client::{new_run_id, part_of};
 use crate::link::team::Member;
@@ -78,7 +78,7 @@ pub(super) fn all(plan: &Plan<'_>, output: &mut Output) -> Result<Vec<Came>, Fai
     let id =
         |member: &Member| new_run_id(&format!("{:.9}-{}", plan.wanted.name, member.brick.name));
     let runs: Result<Vec<RunId>, Refusal> = plan.team.members.iter().map(id).collect();
-    let runs = runs.map_err(|error| Failure::new(Exit::Failed, error.to_string()))?;
+    let runs = runs.map_err(|error| Failure::failed(error.to_string()))?;
     let members = plan.team.members.iter().zip(&runs);
     let shares: Vec<Share<'_>> =
         members.map(|(member, run)| Share { plan, halt, member, watch: Watch::of(run) }).collect();
@@ -93,7 +93,7 @@ pub(super) fn all(plan: &Plan<'_>, output: &mut Output) -> Result<Vec<Came>, Fai
             MonotonicClock.sleep_ns(LOOK_NS);
         }
         shown.finish();
-        let lost = |_| Failure::new(Exit::Failed, "the thread that followed a brick has died");
+        let lost = |_| Failure::failed("the thread that followed a brick has died");
         threads.into_iter().map(|thread| thread.join().map_err(lost)).collect()
     })
 }
@@ -196,7 +196,7 @@ impl Share<'_> {
                     .end
                     .as_ref()
                     .map_or_else(|| "it was not started".to_owned(), LastStop::to_string);
-                came.failure = Some(Failure::new(Exit::Failed, why));
+                came.failure = Some(Failure::failed(why));
             }
             Err(error) => {
                 came.file = there(part_of(&self.file()));
