@@ -175,9 +175,8 @@ fn verdict(stop: &Stop, file: &Path, output: &mut Output) -> Result<(), Failure>
     if !stop.reason.is_wanted() {
         return Err(ended_badly(stop.to_string(), file, output));
     }
-    if !stop.reason.is_complete() {
-        output.ends_with(Exit::Stopped as u8);
-    }
+    // At a page it is one of several.
+    output.ends_with(if stop.reason.is_complete() { 0 } else { Exit::Stopped as u8 });
     Ok(())
 }
 

@@ -19,7 +19,7 @@ use crate::units::counted;
 /// Examples:
 ///   onbrick plot onbrick-demo/run.mcap -o map.svg
 ///   onbrick plot left.mcap right.mcap -o both.html
-///   onbrick plot run.mcap --signals range_m,heading_deg,found -o signals.svg
+///   onbrick plot run.mcap --signals range_m,heading_deg -o signals.svg
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(in crate::cli) struct Arguments {

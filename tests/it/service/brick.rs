@@ -134,7 +134,7 @@ fn a_run_through_the_service_ends_with_the_process_that_asked_for_it() {
         assert_eq!(last.stop.reason, StopReason::Here, "{signal}");
         assert!(brick.is_still(), "{signal}");
         let code = run.wait().unwrap().code();
-        assert_eq!(code, (signal != Signal::SIGKILL).then_some(0), "{signal}");
+        assert_eq!(code, (signal != Signal::SIGKILL).then_some(6), "{signal}");
     }
 }
 
