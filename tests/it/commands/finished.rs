@@ -243,6 +243,8 @@ fn a_file_of_another_kind_is_not_written_over_and_a_picture_is() {
         std::fs::write(at(name), text).unwrap();
     }
     std::fs::copy(at("left.mcap"), at("kept.svg")).unwrap();
+    std::fs::create_dir(at("edited")).unwrap();
+    std::fs::write(at("edited/map.yaml"), "image: map.pgm\n").unwrap();
     std::fs::write(at("map.pgm"), "P5\n# CREATOR: map_saver\n1 1\n255\n0").unwrap();
     let before = |name: &str| std::fs::read(at(name)).unwrap();
     for (name, arguments) in [
@@ -250,12 +252,14 @@ fn a_file_of_another_kind_is_not_written_over_and_a_picture_is() {
         ("kept.svg", &["plot", "left.mcap", "-o", "kept.svg"]),
         ("points.csv", &["export", "left.mcap", "--format", "csv"]),
         ("map.pgm", &["export", "left.mcap", "--format", "pgm"]),
+        ("edited/map.yaml", &["export", "left.mcap", "--format", "pgm", "--out", "edited"]),
     ] {
         let kept = before(name);
         let said = run(folder.path(), arguments).expect(3).err;
         assert!(said.contains(name) && said.contains("of another kind\n  try: "), "{said}");
         assert_eq!(before(name), kept, "{name}");
     }
+    assert!(!at("edited/map.pgm").exists(), "all or none");
     for arguments in [
         &["-o", "map.svg"][..],
         &["-o", "map.png"],

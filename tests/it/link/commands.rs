@@ -46,6 +46,7 @@ fn a_person_pairs_starts_watches_stops_and_brings_the_map_home() {
 
 fn from_pairing_to_the_map() {
     let service = Service::new();
+    assert!(service.log().contains("drives as the shipped robot"), "{}", service.log());
     // On the brick a person opens the window and says yes; on the PC too.
     std::fs::write(service.path("yes"), "yes\n").unwrap();
     let mut there = onbrick()
