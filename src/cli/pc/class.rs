@@ -55,7 +55,7 @@ pub(in crate::cli) struct Arguments {
     /// The folder for missions, each edit of them, and recordings.
     #[arg(short, long, value_name = "DIR", default_value = "onbrick-class")]
     folder: PathBuf,
-    /// The page's port; 0 for any that is free.
+    /// The page's port; 0 for the one that the folder had last, if it is free, else any.
     #[arg(long, value_name = "PORT", default_value_t = 0)]
     page: u16,
     #[command(flatten)]
