@@ -16,8 +16,9 @@
 //! For the same reason one echo says more for a wall than one cone says against it: a wall that was
 //! seen squarely is in the cones of all looks along it, and does not echo there. So in a map that
 //! is drawn after the run what has echoed is freed at a third of the rate ([`FREED_PER`]; `map` has
-//! the figures), and where many points lie, something stands. A robot that drives by its grid frees at the full rate: at a third it takes
-//! passages for closed, and exploring `gap` (40 runs) it maps 87 % of the wall for 95 %.
+//! the figures), and where many points lie, something stands. A robot that drives by its grid frees
+//! at the full rate: at a third it takes passages for closed, and exploring `gap` (40 runs) it maps
+//! 87 % of the wall for 95 %.
 //!
 //! # What it costs
 //!
@@ -54,8 +55,8 @@ const MISS_AXIS: i8 = -1;
 /// What makes a cell free does so at one of this many parts where something has echoed, when a map
 /// is drawn after the run.
 const FREED_PER: i8 = 3;
-/// A map that is drawn after the run has so many points in an occupied cell at least, and so many
-/// tenths of the mean of the cells that have any; `map` has the figures.
+/// The fewest points in a cell that make it occupied when a map is drawn after the run, and the
+/// fewest tenths of the mean of the cells that have any; `map` has the figures.
 const FEWEST: u16 = 2;
 const FEWEST_TENTHS: u64 = 7;
 /// From these log-odds on a cell counts as occupied (0.73) or free (0.27).
