@@ -154,15 +154,15 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 
     let mut output = Output::new(arguments.json);
     let ended = arguments.command.run(&mut output);
-    match ended {
-        Ok(()) => {
-            if output.was_stopped() {
-                terminal::die_of_interrupt();
-            }
-            output.code()
-        }
+    let is_cut_short = ended.is_err() || output.was_stopped();
+    let code = match ended {
+        Ok(()) => output.code(),
         Err(failure) => output.fail(&failure),
+    };
+    if is_cut_short && matches!(arguments.command, Command::Run(_)) {
+        terminal::die_of_interrupt();
     }
+    code
 }
 
 /// The command line. What a command is for is one paragraph in a list: its lines in the source are

@@ -10,7 +10,6 @@ use super::brick::no_brick;
 use super::{Context, Exit, Failure, Output};
 use crate::clock::{Clock, MonotonicClock, SECOND_NS};
 use crate::ev3dev::{Inventory, LocalTree, Tree};
-use crate::printable::with_causes;
 use crate::robot::{Halted, halt, watch_still};
 use crate::runtime::{
     HardwareLock, LockError, OrphansError, Owner, PATIENCE_NS, StopBy, StopRequest, evict,
@@ -135,13 +134,7 @@ fn stop_owner(root: &Path, clock: &dyn Clock) -> Result<(Option<Owner>, bool), F
     let Some(owner) = HardwareLock::owner(root).context(Exit::Failed, DOING)? else {
         return Ok((None, true));
     };
-    let request = StopRequest::make(root, StopBy::Here);
-    if let Err(error) = &request {
-        log::warn!(
-            "the run is not asked to stop, and is about to be killed: {}",
-            with_causes(error)
-        );
-    }
+    let _request = StopRequest::make(root, StopBy::Here);
     let ended = evict(root, clock, PATIENCE_NS, |_| true).context(Exit::Failed, DOING)?;
     Ok((Some(owner), ended))
 }

@@ -21,7 +21,7 @@ use nix::fcntl::{Flock, FlockArg};
 use super::lock::{lock_path, locked, open, open_existing, write_text};
 use super::{LockError, StopBy, StopFlags};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
-use crate::printable::json_line;
+use crate::printable::{json_line, with_causes};
 use crate::threads::Background;
 
 /// How often who drives looks, nanoseconds.
@@ -34,12 +34,21 @@ pub struct StopRequest {
 }
 
 impl StopRequest {
-    /// Asks what drives the hardware below `root` to stop.
-    ///
-    /// # Errors
-    ///
-    /// [`LockError`]: [`LockError::Taken`] where another process asks at this moment.
-    pub fn make(root: &Path, by: StopBy) -> Result<Self, LockError> {
+    /// Asks what drives the hardware below `root` to stop. `None` where another process asks at
+    /// this moment; and where it cannot be asked, which the log says: then only force is left.
+    #[must_use]
+    pub fn make(root: &Path, by: StopBy) -> Option<Self> {
+        match Self::try_make(root, by) {
+            Ok(request) => Some(request),
+            Err(LockError::Taken(_)) => None,
+            Err(error) => {
+                log::warn!("what drives is not asked to stop: {}", with_causes(&error));
+                None
+            }
+        }
+    }
+
+    fn try_make(root: &Path, by: StopBy) -> Result<Self, LockError> {
         let path = path(root);
         let failed = |source| LockError::Io { path: path.clone(), source };
         let file = open(&path).map_err(failed)?;
@@ -108,8 +117,7 @@ mod tests {
         let (first, second) = (StopFlags::default(), StopFlags::default());
         let watch = first.watch_requests(root).unwrap();
         let request = StopRequest::make(root, StopBy::Remote).unwrap();
-        let also = StopRequest::make(root, StopBy::Here);
-        assert!(matches!(also, Err(LockError::Taken(_))), "one asks already");
+        assert!(StopRequest::make(root, StopBy::Here).is_none(), "one asks already");
         assert!(MonotonicClock.wait_for(5 * SECOND_NS, MILLISECOND_NS, &|| first.is_raised()));
         assert_eq!(first.reason(), Some(StopReason::Remote));
         drop((request, watch));

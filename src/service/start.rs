@@ -242,10 +242,7 @@ impl Service {
             Refusal::new(Kind::Failed, format!("{other} cannot be stopped{why}"))
                 .hint("onbrick halt on the brick, as root")
         };
-        let request = StopRequest::make(tree.root(), by);
-        if let Err(error) = &request {
-            log::warn!("it is not asked to, and is about to be killed: {}", with_causes(error));
-        }
+        let _request = StopRequest::make(tree.root(), by);
         match force(tree.root(), owner.pid, STOP_PATIENCE_NS) {
             Ok(true) => Ok(Stopped { other: Some(other), ..none }),
             Ok(false) => Err(failed(String::new())),
