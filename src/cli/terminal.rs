@@ -222,8 +222,8 @@ fn raised_by(signal: i32, flag: &Arc<AtomicBool>) -> Result<(), Failure> {
 /// Ctrl-C came.
 static INTERRUPTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
-/// Ends this process as Ctrl-C does, where that came: a shell then ends its loop or script, too, and
-/// drives no next mission.
+/// Ends this process as Ctrl-C does, where that came: a shell then ends its loop or script, too,
+/// and drives no next mission.
 pub(super) fn die_of_interrupt() {
     if INTERRUPTED.load(Ordering::Relaxed) {
         let _ = signal_hook::low_level::emulate_default_handler(SIGINT);
