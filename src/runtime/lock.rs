@@ -20,12 +20,12 @@ use nix::sys::statfs::{FUSE_SUPER_MAGIC, statfs};
 use serde::{Deserialize, Serialize};
 
 use super::open_files;
-use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
+use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::printable::{json_line, line};
 
 /// How long one is waited for who only asks whose the hardware is, nanoseconds: some system calls,
-/// and a little for other processes in between.
-const ASKING_NS: i64 = 20 * MILLISECOND_NS;
+/// and on a busy brick other processes in between.
+const ASKING_NS: i64 = 100 * MILLISECOND_NS;
 
 /// Who owns the hardware.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -87,7 +87,7 @@ impl HardwareLock {
         let path = lock_path(root);
         let failed = |source| LockError::Io { path: path.clone(), source };
         let file = open(&path).map_err(failed)?;
-        let held = locked(file, FlockArg::LockExclusiveNonblock, failed)?;
+        let held = locked(file, FlockArg::LockExclusiveNonblock, &MonotonicClock, failed)?;
         write_owner(&held, &Owner::here(doing)).map_err(failed)?;
         Ok(Self { file: held })
     }
@@ -107,7 +107,7 @@ impl HardwareLock {
         else {
             return Ok(None);
         };
-        let mut held = locked(file, FlockArg::LockExclusiveNonblock, failed)?;
+        let mut held = locked(file, FlockArg::LockExclusiveNonblock, &MonotonicClock, failed)?;
         let owner = read_owner(&mut held);
         Ok(Some((Self { file: held }, owner)).filter(|(_, owner)| !owner.motors.is_empty()))
     }
@@ -163,7 +163,7 @@ impl HardwareLock {
         let Some(file) = open_existing(&path, &mut OpenOptions::new()).map_err(failed)? else {
             return Ok(None);
         };
-        match locked(file, FlockArg::LockSharedNonblock, failed) {
+        match locked(file, FlockArg::LockSharedNonblock, &MonotonicClock, failed) {
             Ok(_) => Ok(None),
             Err(LockError::Taken(owner)) => Ok(Some(owner)),
             Err(error) => Err(error),
@@ -172,13 +172,13 @@ impl HardwareLock {
 }
 
 /// Locks the file, or says who has it locked. Who only asks whose it is ([`HardwareLock::owner`])
-/// holds it for a moment, and is waited for.
+/// holds it for a moment, and is waited for by this clock.
 pub(super) fn locked(
     mut file: File,
     how: FlockArg,
+    clock: &dyn Clock,
     failed: impl FnOnce(io::Error) -> LockError,
 ) -> Result<Flock<File>, LockError> {
-    let clock = MonotonicClock;
     let deadline_ns = clock.now_ns() + ASKING_NS;
     loop {
         let (back, errno) = match Flock::lock(file, how) {
@@ -275,21 +275,33 @@ pub(super) fn lock_path(root: &Path) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Mutex;
+
     use super::*;
+    use crate::clock::SECOND_NS;
+
+    /// The lock of who asks, let go as soon as it is waited for.
+    #[derive(Debug)]
+    struct Asking(Mutex<Option<Flock<File>>>);
+
+    impl Clock for Asking {
+        fn now_ns(&self) -> i64 {
+            0
+        }
+
+        fn sleep_until_ns(&self, _deadline_ns: i64) {
+            self.0.lock().unwrap().take();
+        }
+    }
 
     #[test]
     fn who_only_asks_whose_it_is_keeps_no_run_from_taking_it() {
         let folder = tempfile::tempdir().unwrap();
-        drop(HardwareLock::take(folder.path(), "mission map").unwrap());
-        let file = File::open(lock_path(folder.path())).unwrap();
-        let asking = Flock::lock(file, FlockArg::LockSharedNonblock).map_err(|(_, errno)| errno);
-        let asking = asking.unwrap();
-        let asks = std::thread::spawn(move || {
-            MonotonicClock.sleep_ns(5 * MILLISECOND_NS);
-            drop(asking);
-        });
-        HardwareLock::take(folder.path(), "mission bump").unwrap();
-        asks.join().unwrap();
+        let open = || File::create(folder.path().join("lock")).unwrap();
+        let asking = Flock::lock(open(), FlockArg::LockSharedNonblock).unwrap();
+        let asking = Asking(Mutex::new(Some(asking)));
+        locked(open(), FlockArg::LockExclusiveNonblock, &asking, |_| unreachable!()).unwrap();
+        assert!(asking.0.lock().unwrap().is_none(), "it had to be waited for");
     }
 
     #[test]
@@ -305,7 +317,9 @@ mod tests {
         let owner = HardwareLock::owner(folder.path()).unwrap().unwrap();
         assert_eq!(owner.pid, nix::unistd::getpid().as_raw());
         drop(first);
-        assert_eq!(HardwareLock::owner(folder.path()).unwrap(), None);
+        // A process that another test starts has a copy of all open files until its program begins.
+        let is_free = || HardwareLock::owner(folder.path()).unwrap().is_none();
+        assert!(MonotonicClock.wait_for(5 * SECOND_NS, MILLISECOND_NS, &is_free));
         HardwareLock::take(folder.path(), "mission bump").unwrap();
         std::fs::remove_file(lock_path(folder.path())).unwrap();
     }
