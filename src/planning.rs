@@ -134,7 +134,8 @@ const LOOKED_NEAR: i32 = 9;
 const GOAL_NEAR: i32 = 4;
 /// A way ends so far before what is of interest, cells: from there a sweep sees it best.
 const VIEW: i32 = 5;
-/// This number of cells of interest within five by five is worth a way.
+/// This number of cells of interest within five by five is worth a way, until the map is doubted: a
+/// small room leaves fewer between what was heard of a wall from its middle and the corner.
 const WORTHWHILE: i32 = 5;
 /// How much longer a way may be for each further cell of interest, and for how many, centimetres.
 const GAIN_CM: i32 = 5;
@@ -198,6 +199,8 @@ pub struct Planner {
     points: Points,
     /// Where it could not turn.
     cramped: Option<Place>,
+    /// It was asked to try once more what it had tried.
+    has_doubted: bool,
     plan: Plan,
 }
 
@@ -232,6 +235,7 @@ impl Planner {
             guesses: Guesses::new(),
             points: Points::new(grid.columns() * grid.rows()),
             cramped: None,
+            has_doubted: false,
             plan,
         })
     }
@@ -346,6 +350,7 @@ impl Planner {
 
     fn begin(&mut self, request: Request, pose: &Pose) {
         if request.again {
+            self.has_doubted = true;
             self.obstacles.clear();
         }
         if let Some(obstacle) = request.obstacle {
@@ -445,7 +450,7 @@ impl Planner {
             return;
         }
         let gain = self.survey.interest.count_around(place);
-        if gain < WORTHWHILE {
+        if gain < WORTHWHILE && !self.has_doubted {
             return;
         }
         let is_near_last = |last: Place| place.distance2(last) <= STAY_NEAR * STAY_NEAR;
