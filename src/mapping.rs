@@ -90,7 +90,7 @@ pub use geometry::{EstimatorConfig, Geometry, GeometryError, Method, RangeMount}
 pub use grid::{Cell, OccupancyGrid};
 pub use inputs::{GyroReading, Inputs, RangeReading};
 pub use keyframes::{Keyframe, KeyframeList, points_now, where_now};
-pub use map::Map;
+pub use map::{Map, joint_grid};
 pub use own_echoes::{OwnEcho, OwnEchoes};
 pub use pose::Pose;
 pub use range::Range;

@@ -70,6 +70,8 @@ pub struct Track {
     pub doubted: Vec<MapPoint>,
     /// The estimator that placed the points.
     pub method: Method,
+    /// Where the origin of the run's own frame lies in the scene's.
+    pub origin: Pose,
     /// Its map fits none of the others' ([`Scene::align`]), and says nothing of their walls.
     pub is_apart: bool,
     /// What a person should know about the recording; empty for one that is whole.
@@ -135,6 +137,7 @@ impl Track {
             points: cloud(standing),
             doubted: cloud(doubted),
             method: run.info.as_ref().map(|info| info.method).unwrap_or_default(),
+            origin: Pose::default(),
             is_apart: false,
             warnings: run.warnings.clone(),
         }
@@ -154,6 +157,7 @@ impl Track {
     /// Moves path and points: `by` is the pose of their frame's origin in the common one. Where the
     /// robot truly was stays.
     fn shift(&mut self, by: &Pose) {
+        self.origin = by.then(&self.origin);
         for at in &mut self.path {
             [at.x_m, at.y_m] = by.place(at.x_m, at.y_m);
             at.heading_rad += by.heading_rad;

@@ -69,7 +69,9 @@ pub use prepare::{GYRO_STILL_RAD, NotReady, prepare};
 pub use process::{ProcessError, control, guard};
 #[cfg(feature = "host")]
 pub(crate) use replay::Again;
-pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, replay, replay_with, whole_map};
+pub use replay::{
+    Cast, Difference, Remade, ReplayError, Replayed, joint_map, replay, replay_with, whole_map,
+};
 pub use stop_request::{StopRequest, StopWatch};
 
 /// A file as it was read, with the name that findings use.

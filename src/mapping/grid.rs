@@ -16,9 +16,10 @@
 //! For the same reason one echo says more for a wall than one cone says against it: a wall that was
 //! seen squarely is in the cones of all looks along it, and does not echo there. So in a map that
 //! is drawn after the run what has echoed is freed at a third of the rate ([`FREED_PER`]; `map` has
-//! the figures), and where many points lie, something stands. A robot that drives by its grid frees
-//! at the full rate: at a third it takes passages for closed, and exploring `gap` (40 runs) it maps
-//! 87 % of the wall for 95 %.
+//! the figures), and where many points lie, something stands ([`standing`]). A reading sees no
+//! further than that: what comes back from behind it has come by a detour. A robot that drives by
+//! its grid frees at the full rate: at a third it takes passages for closed, and exploring `gap`
+//! (40 runs) it maps 87 % of the wall for 95 %.
 //!
 //! # What it costs
 //!
@@ -26,9 +27,11 @@
 //! beside them, each once, in 32-bit integers alone.
 
 mod cone;
+mod standing;
 
 use super::{Estimate, MapPoint, Pose, Range, Sounding, room};
 use cone::{Cone, Zone, integer};
+pub(super) use standing::Standing;
 
 /// A cell's size: the sensor's own error is a centimetre or two, its cone at 1 m is 35 cm wide.
 const CELL_M: f64 = 0.05;
@@ -55,10 +58,6 @@ const MISS_AXIS: i8 = -1;
 /// What makes a cell free does so at one of this many parts where something has echoed, when a map
 /// is drawn after the run.
 const FREED_PER: i8 = 3;
-/// The fewest points in a cell that make it occupied when a map is drawn after the run, and the
-/// fewest tenths of the mean of the cells that have any; `map` has the figures.
-const FEWEST: u16 = 2;
-const FEWEST_TENTHS: u64 = 7;
 /// From these log-odds on a cell counts as occupied (0.73) or free (0.27).
 const OCCUPIED_FROM: i8 = 20;
 const FREE_FROM: i8 = -20;
@@ -203,22 +202,10 @@ impl OccupancyGrid {
         self.row_at(lattice(point.y_m)).weigh(x, |_| HIT_POINT);
     }
 
-    /// Makes cells occupied in which many of these points lie, whatever went through them: a wall
-    /// that is met obliquely has no echo, and the beam frees it. Many are [`FEWEST`], and
-    /// [`FEWEST_TENTHS`] of the mean of the cells that have any: where more was heard, more of it
-    /// is out of place.
-    pub(super) fn stand(&mut self, points: &[MapPoint]) {
-        let mut counts = vec![0_u16; self.cells.len()];
-        for point in points {
-            let count = self.index(point.x_m, point.y_m).and_then(|place| counts.get_mut(place));
-            if let Some(count) = count {
-                *count = count.saturating_add(1);
-            }
-        }
-        let all: u64 = counts.iter().map(|count| u64::from(*count)).sum();
-        let cells = counts.iter().map(|count| u64::from((*count).min(1))).sum::<u64>();
-        for (cell, count) in self.cells.iter_mut().zip(counts) {
-            if count >= FEWEST && 10 * u64::from(count) * cells >= FEWEST_TENTHS * all {
+    /// Makes the cells occupied in which something stands, whatever went through them.
+    pub(super) fn stand(&mut self, standing: &Standing) {
+        for (cell, stands) in self.cells.iter_mut().zip(standing.cells()) {
+            if *stands {
                 *cell = (*cell).max(OCCUPIED_FROM);
             }
         }
@@ -539,12 +526,13 @@ mod tests {
             [[1.02, 0.0], [1.02, 0.1], [0.52, 0.0], [0.52, 0.05]].map(|[x, y]| grid.at(x, y))
         };
         assert_eq!(at(&grid), [Cell::Free; 4]);
-        grid.stand(&[&wall[..], &stray].concat());
+        grid.stand(&Standing::of(&grid, wall.iter().chain(&stray), [].into_iter()));
         let many = [Cell::Occupied, Cell::Occupied, Cell::Free, Cell::Occupied];
         assert_eq!(at(&grid), many, "one is not many");
         grid = grid.to_draw();
         (0..40).for_each(|_| grid.add(&beyond, 2.0));
-        grid.stand(&[&wall[..], &wall, &wall, &stray].concat());
+        let thrice = [&wall, &wall, &wall].into_iter().flatten();
+        grid.stand(&Standing::of(&grid, thrice.chain(&stray), [].into_iter()));
         let many = [Cell::Occupied, Cell::Occupied, Cell::Free, Cell::Free];
         assert_eq!(at(&grid), many, "nor are three, where others have twelve");
     }

@@ -79,12 +79,14 @@ pub fn where_now(keyframes: &[Keyframe], time_ns: i64, placed: &Pose) -> Pose {
 /// Points where they are as it is known now; see [`where_now`].
 #[must_use]
 pub fn points_now(keyframes: &[Keyframe], points: &[MapPoint]) -> Vec<MapPoint> {
-    let now = |point: &MapPoint| {
-        let placed = Pose { x_m: point.x_m, y_m: point.y_m, heading_rad: 0.0 };
-        let Pose { x_m, y_m, .. } = where_now(keyframes, point.time_ns, &placed);
-        MapPoint { x_m, y_m, ..*point }
-    };
-    points.iter().map(now).collect()
+    points.iter().map(|point| point_now(keyframes, point)).collect()
+}
+
+/// A point where it is as it is known now.
+pub(super) fn point_now(keyframes: &[Keyframe], point: &MapPoint) -> MapPoint {
+    let placed = Pose { x_m: point.x_m, y_m: point.y_m, heading_rad: 0.0 };
+    let Pose { x_m, y_m, .. } = where_now(keyframes, point.time_ns, &placed);
+    MapPoint { x_m, y_m, ..*point }
 }
 
 /// The keyframes of a run, by time; the last is the newest pose, which has not moved.

@@ -22,9 +22,12 @@
 //! Cones and log-odds (`grid`). Where a reading is as it is known now (`keyframes`).
 
 use super::cloud::{Cloud, Path, Thinned};
+use super::grid::Standing;
+use super::keyframes::point_now;
 use super::{
     Estimate, Keyframe, MapPoint, OccupancyGrid, Placed, Pose, RangeMount, Sounding, points_now,
 };
+use crate::units::bounds;
 
 /// Points kept: ten a second for half an hour, at 24 bytes.
 const POINTS: usize = 20_000;
@@ -99,23 +102,8 @@ impl Map {
         }
         self.points.finish();
         if !keyframes.is_empty() {
-            self.redraw(keyframes);
+            self.grid = drawn(&self.grid, &[(self, keyframes)]);
         }
-    }
-
-    fn redraw(&mut self, keyframes: &[Keyframe]) {
-        let mut grid = self.grid.to_draw();
-        let points = points_now(keyframes, self.points());
-        let mut to_come = points.iter().peekable();
-        for sounding in self.soundings.kept() {
-            while let Some(point) = to_come.next_if(|point| point.time_ns <= sounding.time_ns) {
-                grid.hit(point);
-            }
-            grid.add(&sounding.now(keyframes), self.range_max_m);
-        }
-        to_come.for_each(|point| grid.hit(point));
-        grid.stand(&points);
-        self.grid = grid;
     }
 
     /// The points, in the order of their time. Until [`Map::finish`] those at the end may still
@@ -142,6 +130,45 @@ impl Map {
     pub fn grid(&self) -> &OccupancyGrid {
         &self.grid
     }
+}
+
+/// One grid of several robots' maps, after their runs: `None` where there are none, or it is too
+/// large ([`OccupancyGrid::covering`]).
+///
+/// - `maps`: each with the keyframes that move it into the grid's frame.
+#[must_use]
+pub fn joint_grid(maps: &[(&Map, &[Keyframe])]) -> Option<OccupancyGrid> {
+    let [low_m, high_m] = bounds(path_now(maps).map(|place| [place.x_m, place.y_m]));
+    Some(drawn(&OccupancyGrid::covering(low_m, high_m)?, maps))
+}
+
+/// Where the robots were.
+fn path_now(maps: &[(&Map, &[Keyframe])]) -> impl Iterator<Item = MapPoint> {
+    maps.iter()
+        .flat_map(|(map, keyframes)| map.path().iter().map(|place| point_now(keyframes, place)))
+}
+
+/// What was heard, drawn once more over the places of a grid.
+fn drawn(places: &OccupancyGrid, maps: &[(&Map, &[Keyframe])]) -> OccupancyGrid {
+    let mut grid = places.to_draw();
+    let points: Vec<Vec<MapPoint>> =
+        maps.iter().map(|(map, keyframes)| points_now(keyframes, map.points())).collect();
+    let standing = Standing::of(&grid, points.iter().flatten(), path_now(maps));
+    for ((map, keyframes), points) in maps.iter().zip(&points) {
+        let mut to_come = points.iter().peekable();
+        for sounding in map.soundings.kept() {
+            let now = sounding.now(keyframes);
+            while let Some(point) = to_come.next_if(|point| point.time_ns <= sounding.time_ns) {
+                if point.time_ns < sounding.time_ns || standing.is_in_sight(&now, point) {
+                    grid.hit(point);
+                }
+            }
+            grid.add(&now, map.range_max_m.min(standing.sight_m(&now)));
+        }
+        to_come.for_each(|point| grid.hit(point));
+    }
+    grid.stand(&standing);
+    grid
 }
 
 #[cfg(test)]

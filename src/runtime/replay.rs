@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::behavior::{Demands, Mission, SetError, Taken};
 use crate::document::Findings;
-use crate::mapping::{MapPoint, OccupancyGrid, Pose};
+use crate::mapping::{Keyframe, MapPoint, OccupancyGrid, Pose, joint_grid};
 use crate::robot::RobotConfig;
 use crate::senses::Senses;
 use crate::units::{bounds, counted};
@@ -222,17 +222,54 @@ pub fn whole_map(run: &Run) -> Result<Grid, ReplayError> {
     if let Some(grid) = run.map.as_ref().filter(|_| is_usual) {
         return Ok(grid.clone());
     }
-    let mut cast = Cast::of(run, None)?;
-    if !is_usual {
-        let both = OccupancyGrid::united(&[&usual, &whole]).ok_or(ReplayError::TooWide)?;
-        cast.pilot = cast.pilot.with_grid(both);
+    let grid = if is_usual {
+        None
+    } else {
+        Some(OccupancyGrid::united(&[&usual, &whole]).ok_or(ReplayError::TooWide)?)
+    };
+    Ok(Grid::from(ended(run, grid)?.map().grid()))
+}
+
+/// One occupancy grid of several runs, made again from their senses. An error has the run's place.
+///
+/// - `runs`: each with where the origin of its own frame lies in the grid's.
+///
+/// # Errors
+///
+/// [`ReplayError`].
+pub fn joint_map(runs: &[(&Run, Pose)]) -> Result<Grid, (usize, ReplayError)> {
+    let mut maps = Vec::new();
+    for (place, (run, origin)) in runs.iter().enumerate() {
+        let pilot = ended(run, None).map_err(|error| (place, error))?;
+        let mut keyframes = pilot.keyframes().to_vec();
+        if keyframes.is_empty() {
+            keyframes.push(Keyframe::default());
+        }
+        for keyframe in &mut keyframes {
+            keyframe.now = origin.then(&keyframe.now);
+        }
+        maps.push((pilot, keyframes));
+    }
+    let maps: Vec<_> =
+        maps.iter().map(|(pilot, keyframes)| (pilot.map(), &keyframes[..])).collect();
+    let grid = joint_grid(&maps).ok_or((0, ReplayError::TooWide))?;
+    Ok(Grid::from(&grid))
+}
+
+/// The run once more, to its end.
+///
+/// - `grid`: another than the usual one.
+fn ended(run: &Run, grid: Option<OccupancyGrid>) -> Result<Pilot, ReplayError> {
+    let mut pilot = Cast::of(run, None)?.pilot;
+    if let Some(grid) = grid {
+        pilot = pilot.with_grid(grid);
     }
     let mut demands = Demands::default();
     for senses in &run.senses {
-        cast.pilot.step(senses, &mut demands, |_| {});
+        pilot.step(senses, &mut demands, |_| {});
     }
-    cast.pilot.finish();
-    Ok(Grid::from(cast.pilot.map().grid()))
+    pilot.finish();
+    Ok(pilot)
 }
 
 /// What the recording says, by tick.

@@ -10,6 +10,7 @@ use crate::printable::with_causes;
 use crate::recording::Grid;
 use crate::report::timeline::{self, Timeline};
 use crate::report::{Scene, Track, export};
+use crate::runtime::{ReplayError, joint_map, whole_map};
 use crate::units::counted;
 
 /// Write runs as CSV, PLY, or PGM with Nav2's YAML. The recording itself is MCAP, which viewers
@@ -17,7 +18,7 @@ use crate::units::counted;
 ///
 /// Examples:
 ///   onbrick export onbrick-demo/run.mcap --format pgm --out map
-///   onbrick export left.mcap right.mcap --format csv --out both
+///   onbrick export left.mcap right.mcap --format pgm --out both       one map of both
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(in crate::cli) struct Arguments {
@@ -27,7 +28,7 @@ pub(in crate::cli) struct Arguments {
     /// csv: points.csv, path.csv, walls.csv, the straight stretches of at least half a metre that
     /// the points make, with standard deviations, and signals.csv, a row a tick with all signals,
     /// what was demanded, and the machines' states; ply: points.ply; pgm: map.pgm and map.yaml, the
-    /// occupancy grid.
+    /// occupancy grid, one of all the runs.
     #[arg(long)]
     format: Format,
     /// The folder to write to.
@@ -69,7 +70,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         }
         Format::Ply => vec![("points.ply", export::ply(&tracks).into_bytes())],
         Format::Pgm => {
-            let grid = grid(&runs)?;
+            let grid = grid(&runs, &tracks)?;
             vec![
                 ("map.pgm", export::pgm(&grid)),
                 ("map.yaml", export::nav2_yaml(&grid, "map.pgm").into_bytes()),
@@ -107,17 +108,23 @@ fn timelines(runs: &[LoadedRun], tracks: &[Track]) -> Vec<Timeline> {
     runs.iter().zip(tracks).filter_map(one).collect()
 }
 
-/// The occupancy grid of one run: as it was recorded, or where that does not have all, made again
-/// from its senses.
-fn grid(runs: &[LoadedRun]) -> Result<Grid, Failure> {
+/// The occupancy grid: that of one run as it was recorded, or where that does not have all, made
+/// again from its senses, as that of several is.
+fn grid(runs: &[LoadedRun], tracks: &[Track]) -> Result<Grid, Failure> {
+    let cannot = |name: &str, error: &ReplayError| {
+        Failure::from_error(Exit::Failed, &format!("cannot replay {name}"), error)
+    };
     let [loaded] = runs else {
-        return Err(Failure::usage("an occupancy grid is made from one run")
-            .hint("once for each run, with --out for each"));
+        let origins = tracks.iter().map(|track| track.origin);
+        let placed: Vec<_> = runs.iter().map(|loaded| &loaded.run).zip(origins).collect();
+        return joint_map(&placed).map_err(|(place, error)| {
+            cannot(runs.get(place).map_or("the runs", |loaded| &loaded.name), &error)
+        });
     };
     if loaded.run.map.is_none() {
         log::warn!("{}: the recording has no grid; it is made again from the senses", loaded.name);
     }
-    match (crate::runtime::whole_map(&loaded.run), &loaded.run.map) {
+    match (whole_map(&loaded.run), &loaded.run.map) {
         (Ok(grid), _) => Ok(grid),
         (Err(error), Some(recorded)) => {
             let lost = loaded
@@ -134,10 +141,6 @@ fn grid(runs: &[LoadedRun]) -> Result<Grid, Failure> {
             );
             Ok(recorded.clone())
         }
-        (Err(error), None) => Err(Failure::from_error(
-            Exit::Failed,
-            &format!("cannot replay {}", loaded.name),
-            &error,
-        )),
+        (Err(error), None) => Err(cannot(&loaded.name, &error)),
     }
 }

@@ -207,9 +207,43 @@ fn export_writes_every_format() {
         assert!(said.contains(told) && said.contains("  try: "), "{arguments:?}: {said}");
     }
     assert!(["walls.dxf", "no"].iter().all(|name| !folder.path().join(name).exists()));
-    let said =
-        run(folder.path(), &["export", "left.mcap", "right.mcap", "--format", "pgm"]).expect(2);
-    assert!(said.err.contains("one run"), "{}", said.err);
+}
+
+/// The cells of a map that was exported for Nav2: what a place of the world is drawn in, 254 where
+/// it is free; `None` outside.
+fn exported_grid(folder: &Path) -> impl Fn(f64, f64) -> Option<u8> + use<> {
+    let pgm = std::fs::read(folder.join("map.pgm")).unwrap();
+    let mut head = pgm.splitn(5, |byte| *byte == b'\n');
+    let (size, _, cells) = (head.nth(2).unwrap(), head.next(), head.next().unwrap().to_owned());
+    let size = String::from_utf8(size.to_vec()).unwrap();
+    let [width, height] =
+        [0, 1].map(|part| size.split(' ').nth(part).unwrap().parse::<usize>().unwrap());
+    let yaml = std::fs::read_to_string(folder.join("map.yaml")).unwrap();
+    let origin = yaml.lines().find_map(|line| line.strip_prefix("origin: [")).unwrap();
+    let [x, y] = [0, 1].map(|part| origin.split(", ").nth(part).unwrap().parse::<f64>().unwrap());
+    move |x_m, y_m| {
+        let [column, row] = [(x_m - x) / 0.05, (y_m - y) / 0.05];
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "small and positive"
+        )]
+        let (column, row) = (column as usize, row as usize);
+        let is_within = x_m >= x && y_m >= y && column < width && row < height;
+        is_within.then(|| cells[(height - 1 - row) * width + column])
+    }
+}
+
+#[test]
+fn the_grid_of_several_runs_has_the_floor_of_each() {
+    let folder = folder();
+    let export = ["export", "left.mcap", "right.mcap", "--format", "pgm", "--out", "both"];
+    run(folder.path(), &export).expect(0);
+    let both = exported_grid(&folder.path().join("both"));
+    for name in ["left.mcap", "right.mcap"] {
+        let last = Run::open(&folder.path().join(name)).unwrap().poses.last().unwrap().pose;
+        assert_eq!(both(last.x_m, last.y_m), Some(254), "{name}: where it stood");
+    }
 }
 
 #[test]
@@ -343,32 +377,14 @@ fn the_exported_grid_has_all_that_the_robot_has_seen() {
     let said = run(folder.path(), &["export", "out/run.mcap", "--format", "pgm", "--out", "map"])
         .expect(0);
     assert_eq!(said.err, "");
-    let pgm = std::fs::read(folder.path().join("map/map.pgm")).unwrap();
-    let mut head = pgm.splitn(5, |byte| *byte == b'\n');
-    let (size, _, cells) = (head.nth(2).unwrap(), head.next(), head.next().unwrap());
-    let size = String::from_utf8(size.to_vec()).unwrap();
-    let [width, height] =
-        [0, 1].map(|part| size.split(' ').nth(part).unwrap().parse::<usize>().unwrap());
-    let yaml = std::fs::read_to_string(folder.path().join("map/map.yaml")).unwrap();
-    let origin = yaml.lines().find_map(|line| line.strip_prefix("origin: [")).unwrap();
-    let [x, y] = [0, 1].map(|part| origin.split(", ").nth(part).unwrap().parse::<f64>().unwrap());
+    let grid = exported_grid(&folder.path().join("map"));
     // Nearly every place where an echo came from is there, and mostly dark.
     let (mut dark, mut all) = (0, 0);
     for point in &recorded.points {
-        let [column, row] = [(point.x_m - x) / 0.05, (point.y_m - y) / 0.05];
-        assert!(column >= 0.0 && row >= 0.0, "{point:?} is left of the picture");
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "small and positive"
-        )]
-        let (column, row) = (column as usize, row as usize);
-        assert!(
-            column < width && row < height,
-            "{point:?} is beyond the picture of {width} x {height}"
-        );
+        let cell = grid(point.x_m, point.y_m);
+        let cell = cell.unwrap_or_else(|| panic!("{point:?} is beyond the picture"));
         all += 1;
-        dark += usize::from(cells[(height - 1 - row) * width + column] < 205);
+        dark += usize::from(cell < 205);
     }
     assert!(dark * 10 > all * 5, "{dark} of {all} points are in dark cells");
 }

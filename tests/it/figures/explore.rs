@@ -9,6 +9,7 @@
 //! missing there, exploring has not found; what is missing besides, the drift of the pose has
 //! spoiled.
 
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
 use onbrick::clock::SECOND_NS;
@@ -121,9 +122,8 @@ struct Figures {
     /// The share of points that are within 5 cm of a wall: as placed, as moved by keyframes,
     /// without those of what does not stand, and as turned to where several sides agree.
     near: [f64; 4],
-    /// The share of the grid's occupied cells whose middle is within 5 cm of a wall, and of the
-    /// wall that has one.
-    cells: [f64; 2],
+    /// [`judge_cells`] of the grid.
+    cells: [f64; 4],
     /// Where it ended: from its start by truth, and by odometry; metres and degrees.
     home: [(f64, f64); 2],
     contacts: usize,
@@ -160,10 +160,6 @@ fn explored_with(robot: &str, name: &str, text: &str, seed: u64, limit_s: f64) -
         |point: &&MapPoint| world.distance_to_nearest_surface(point.x_m, point.y_m) < NEAR_M;
     let near =
         |points: &[MapPoint]| points.iter().filter(is_near).count() as f64 / points.len() as f64;
-    let occupied = middles_of_occupied(run.map.as_ref().expect("a map"));
-    let is_at_wall =
-        |cell: &&[f64; 2]| world.distance_to_nearest_surface(cell[0], cell[1]) < NEAR_M;
-    let at_wall = occupied.iter().filter(is_at_wall).count() as f64 / occupied.len() as f64;
     let from_start = |x_m: f64, y_m: f64, heading_rad: f64| {
         let way_m = libm::hypot(x_m - start.x_m, y_m - start.y_m);
         (way_m, degrees(wrap_rad(heading_rad - start.heading_rad)).abs())
@@ -177,7 +173,7 @@ fn explored_with(robot: &str, name: &str, text: &str, seed: u64, limit_s: f64) -
         coverage: within(i64::MAX),
         coverage_soon: within(SOON_NS),
         near: [&run.points, &moved, &standing, turned].map(|points| near(points)),
-        cells: [at_wall, covered(&walls, occupied.into_iter(), NEAR_M).expect("there are walls")],
+        cells: judge_cells(run.map.as_ref().expect("a map"), &world),
         home: [
             from_start(truth.x_m, truth.y_m, truth.heading_rad),
             from_start(believed.x_m, believed.y_m, believed.heading_rad),
@@ -189,16 +185,58 @@ fn explored_with(robot: &str, name: &str, text: &str, seed: u64, limit_s: f64) -
     }
 }
 
-/// The middles of the cells that the grid of a recording has as occupied.
-fn middles_of_occupied(grid: &Grid) -> Vec<[f64; 2]> {
+/// The middles of those cells of a recording's grid.
+fn middles(grid: &Grid, is_so: impl Fn(i8) -> bool) -> impl Iterator<Item = [f64; 2]> {
     let row_of = |row: u32| (0..grid.width).map(move |column| [column, row]);
     let places = (0..grid.height).flat_map(row_of);
     let middle = |place: [u32; 2]| {
         let m = place.map(|cells| (f64::from(cells) + 0.5) * grid.resolution_m);
         [grid.origin_m[0] + m[0], grid.origin_m[1] + m[1]]
     };
-    let occupied = places.zip(&grid.cells).filter(|(_, cell)| **cell == 100);
-    occupied.map(|(place, _)| middle(place)).collect()
+    let so = places.zip(&grid.cells).filter(move |(_, cell)| is_so(**cell));
+    so.map(move |(place, _)| middle(place))
+}
+
+/// The share of a grid's occupied cells whose middle is within 5 cm of a wall, and of the wall that
+/// has one; of the free cells that are not at a wall, those behind one, and of the floor that can be
+/// reached from the first start what is free.
+pub(super) fn judge_cells(grid: &Grid, world: &World) -> [f64; 4] {
+    let occupied: Vec<[f64; 2]> = middles(grid, |cell| cell == 100).collect();
+    let is_at_wall =
+        |cell: &&[f64; 2]| world.distance_to_nearest_surface(cell[0], cell[1]) < NEAR_M;
+    let at_wall = occupied.iter().filter(is_at_wall).count() as f64 / occupied.len() as f64;
+    let start = world.starts()[0];
+    let walls = world.echoing_walls(start.x_m, start.y_m, 2.0);
+    let wall = covered(&walls, occupied.into_iter(), NEAR_M).expect("there are walls");
+    let side_m = grid.resolution_m;
+    let cell = |[x_m, y_m]: [f64; 2]| {
+        let m = [x_m - grid.origin_m[0], y_m - grid.origin_m[1]];
+        m.map(|m| (m / side_m).floor() as i32)
+    };
+    // Wider than half a cell's diagonal: no step crosses a wall.
+    let is_open =
+        |[x_m, y_m]: [f64; 2]| world.distance_to_nearest_surface(x_m, y_m) > 0.75 * side_m;
+    let is_floor = |at: [i32; 2]| {
+        let m = at.map(|cells| (f64::from(cells) + 0.5) * side_m);
+        let size = [grid.width, grid.height].map(u32::cast_signed);
+        at.iter().zip(size).all(|(at, size)| (0..size).contains(at))
+            && is_open([grid.origin_m[0] + m[0], grid.origin_m[1] + m[1]])
+    };
+    let mut to_see = vec![cell([start.x_m, start.y_m])];
+    let mut floor: BTreeSet<[i32; 2]> = to_see.iter().copied().collect();
+    while let Some([x, y]) = to_see.pop() {
+        for next in [[x + 1, y], [x - 1, y], [x, y + 1], [x, y - 1]] {
+            if is_floor(next) && floor.insert(next) {
+                to_see.push(next);
+            }
+        }
+    }
+    let free = middles(grid, |cell| (0..=27).contains(&cell)).filter(|middle| is_open(*middle));
+    let [on_floor, behind] = free.fold([0.0_f64; 2], |[on_floor, behind], middle| {
+        let is_floor = f64::from(u8::from(floor.contains(&cell(middle))));
+        [on_floor + is_floor, behind + 1.0 - is_floor]
+    });
+    [at_wall, wall, behind / (on_floor + behind), on_floor / floor.len() as f64]
 }
 
 /// How often it touched something, at any speed.
@@ -248,7 +286,7 @@ impl Figures {
 struct Summary {
     coverage: f64,
     near: [f64; 4],
-    cells: [f64; 2],
+    cells: [f64; 4],
     home: [f64; 2],
     contacts: usize,
     collisions: usize,
@@ -269,7 +307,7 @@ fn summary(name: &str, explored: impl Fn(u64) -> Figures, seeds: u64) -> Summary
     let summary = Summary {
         coverage: mean(&|figures| figures.coverage),
         near: [0, 1, 2, 3].map(|at| mean(&|figures| figures.near[at])),
-        cells: [0, 1].map(|at| mean(&|figures| figures.cells[at])),
+        cells: [0, 1, 2, 3].map(|at| mean(&|figures| figures.cells[at])),
         home: [0, 1].map(|by| share(&|figures| figures.is_home(by))),
         contacts: runs.iter().map(|figures| figures.contacts).sum(),
         collisions: runs.iter().map(|figures| figures.collisions).sum(),
@@ -279,7 +317,7 @@ fn summary(name: &str, explored: impl Fn(u64) -> Figures, seeds: u64) -> Summary
         "{name}, {count} seeds: coverage {:.1} % (at least 95 % in {:.0} % of the runs), by what \
          was heard within 5 minutes {:.1} % ({:.0} %); points under 5 cm {:.0} %, moved {:.0} %, \
          standing {:.0} %, turned {:.0} %; occupied cells under 5 cm {:.0} %, {:.0} % of the wall \
-         has one; home by truth {:.0} %, by odometry {:.0} %; {} contacts, {} \
+         has one, free cells behind walls {:.1} %, {:.1} % of the floor free; home by truth {:.0} %, by odometry {:.0} %; {} contacts, {} \
          collisions, {} stalls",
         summary.coverage * 100.0,
         share(&|figures| figures.coverage >= 0.95) * 100.0,
@@ -291,6 +329,8 @@ fn summary(name: &str, explored: impl Fn(u64) -> Figures, seeds: u64) -> Summary
         summary.near[3] * 100.0,
         summary.cells[0] * 100.0,
         summary.cells[1] * 100.0,
+        summary.cells[2] * 100.0,
+        summary.cells[3] * 100.0,
         summary.home[0] * 100.0,
         summary.home[1] * 100.0,
         summary.contacts,
@@ -366,6 +406,24 @@ fn figures_of_explore_in_rooms_that_chance_draws() {
     assert!(summary.coverage > least, "coverage {}", summary.coverage);
     assert!(summary.home[1] >= 0.8, "{} at home by odometry", summary.home[1]);
     assert!(4 * summary.collisions <= usize::try_from(rooms).unwrap(), "collisions");
+}
+
+/// All of it is seen from its middle, but most of its walls are met obliquely from there.
+#[test]
+#[cfg_attr(target_arch = "arm", ignore = "long runs, the same bits as on a PC")]
+fn a_room_of_a_metre_is_mapped_though_all_of_it_is_seen_from_its_middle() {
+    const ROOM: &str = r#"
+name = "metre"
+[[start]]
+at = [0.0, 0.0]
+[[wall]]
+points = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
+closed = true
+"#;
+    print_head();
+    let summary = summary("a metre", |seed| explored("metre", ROOM, seed, 600.0), 4);
+    assert!(summary.coverage > 0.9, "coverage {}", summary.coverage);
+    assert!(summary.home[0] >= 1.0, "{} at home by truth", summary.home[0]);
 }
 
 #[test]

@@ -5,12 +5,14 @@
 
 use std::collections::BTreeMap;
 
-use onbrick::mapping::stats;
-use onbrick::recording::Run;
+use onbrick::mapping::{Pose, stats};
+use onbrick::recording::{Grid, Run};
 use onbrick::report::{Scene, Track};
+use onbrick::runtime::joint_map;
 use onbrick::sim::{World, covered};
 use onbrick::units::{degrees, radians};
 
+use super::explore::judge_cells;
 use super::walls::worlds;
 use crate::missions::{job, play, robot};
 
@@ -39,6 +41,8 @@ fn misplaced(track: &Track, [dx_m, dy_m, turn_rad]: [f64; 3]) -> Track {
     for point in track.points.iter_mut().chain(&mut track.doubted) {
         (point.x_m, point.y_m) = place(point.x_m, point.y_m);
     }
+    let (x_m, y_m) = place(0.0, 0.0);
+    track.origin = Pose { x_m, y_m, heading_rad: turn_rad };
     track
 }
 
@@ -80,10 +84,12 @@ fn figures_of_maps_put_together() {
     worlds.push(("two-arenas", World::text("two-arenas").unwrap()));
     let seeds = 4..=if is_long { 7 } else { 5 };
     let mut tracks: BTreeMap<&str, Vec<Track>> = BTreeMap::new();
+    let mut runs: BTreeMap<&str, Vec<Run>> = BTreeMap::new();
     for (name, text) in worlds.iter().copied() {
         for seed in seeds.clone().chain((name == "rooms").then_some(6)) {
             let run: Run = play(|file| job("explore", &robot(), (name, text), seed, file)).run();
             tracks.entry(name).or_default().push(Track::of_run(&run, name));
+            runs.entry(name).or_default().push(run);
         }
     }
     let mut state = 7;
@@ -94,10 +100,11 @@ fn figures_of_maps_put_together() {
     println!(
         "the same room, robots: starts wrong by, cm, degrees; corrected, wrong by; paths, cm, \
          before, after; points < 5 cm, %, median, cm, wall with a point, %: of the best robot, \
-         of all by starts, of all corrected, of these as drawn"
+         of all by starts, of all corrected, of these as drawn; occupied cells < 5 cm, wall with \
+         one, free cells behind walls, floor that is free, %: of the best robot, of all corrected"
     );
     let (mut fits, mut within, mut pairs) = (0, 0, 0);
-    let mut more_near = 0.0;
+    let (mut more_near, mut cells_more) = (0.0, [0.0; 2]);
     for (name, text) in worlds.iter().copied() {
         let world = World::parse(name, text.as_bytes()).unwrap().0;
         let all = &tracks[name];
@@ -131,6 +138,23 @@ fn figures_of_maps_put_together() {
                 print!("  {near:3.0} {median_cm:3.1} {coverage:3.0}");
             }
             more_near += turned[0] - corrected[0];
+            let used = || runs[name].iter().take(right.len());
+            let cells = |grid: &Grid| judge_cells(grid, &world);
+            let single = used().map(|run| cells(run.map.as_ref().expect("a map")));
+            let best = single.fold([0.0; 4], |best, one| if one[1] > best[1] { one } else { best });
+            let placed: Vec<_> =
+                used().zip(scene.tracks.iter().map(|track| track.origin)).collect();
+            let joint = cells(&joint_map(&placed).expect("runs that can be replayed"));
+            for [at_wall, wall, behind, floor] in
+                [best, joint].map(|all| all.map(|share| share * 100.0))
+            {
+                print!("  {at_wall:3.0} {wall:3.0} {behind:3.1} {floor:3.0}");
+            }
+            if refused.is_none() {
+                for (sum, part) in cells_more.iter_mut().zip([joint[0], joint[1] - best[1]]) {
+                    *sum += part;
+                }
+            }
             println!(
                 "   {}",
                 refused.map_or_else(|| "fits".to_owned(), |misfit| misfit.to_string())
@@ -160,6 +184,14 @@ fn figures_of_maps_put_together() {
          the points are at walls as they are drawn"
     );
     assert!(2 * fits >= pairs, "{fits} of {pairs}");
+    let [at_wall, more_wall] = cells_more.map(|sum| sum / f64::from(fits));
+    println!(
+        "grids of those that fit: {:.0} % of the occupied cells at walls, {:.1} % more of the wall \
+         than the best robot's",
+        at_wall * 100.0,
+        more_wall * 100.0
+    );
+    assert!(at_wall > 0.75 && more_wall > 0.0, "{cells_more:?}, sums over {fits} sets");
     assert!(more_near > 1.5, "{more_near} % more are at walls");
 
     let mut wrong_pairs = 0;
