@@ -286,7 +286,14 @@ impl<'d> Reader<'_, 'd, '_> {
                 looks_like_radians(item, &turn_deg);
                 Some(GoalPlan::Turn { turn_deg })
             }
-            "explore_m" => Some(GoalPlan::Explore { within_m: self.number(item, EXPLORE_M)? }),
+            "explore_m" => {
+                if !self.vocabulary.capabilities.has(Role::Gyro) {
+                    item.warning("without a gyro the heading is the wheels' alone").hint(
+                        "after five minutes it may be off by 15 degrees, and the map with it",
+                    );
+                }
+                Some(GoalPlan::Explore { within_m: self.number(item, EXPLORE_M)? })
+            }
             "arc" => {
                 let arc = item.section()?;
                 arc.allow(&["radius_m", "turn_deg"]);
