@@ -143,6 +143,7 @@ fn failed(error: &CalibrateError) -> Failure {
         | CalibrateError::Blocked
         | CalibrateError::WallLost
         | CalibrateError::NoRoom { .. }
+        | CalibrateError::Exchanged(_)
         | CalibrateError::TooFar(_)
         | CalibrateError::Stopped
         | CalibrateError::NoAnswer(_) => Exit::Failed,

@@ -162,6 +162,12 @@ pub enum CalibrateError {
         /// How much room it takes, metres.
         at_m: f64,
     },
+    /// The robot does not move as its wheels were told to.
+    #[error(
+        "{0}: the left and right wheel's plugs may be exchanged, or a wheel's `inverted` wrong in \
+         robot.toml"
+    )]
+    Exchanged(&'static str),
     /// A motion went on for longer than it should have.
     #[error("{0}")]
     TooFar(String),

@@ -29,6 +29,9 @@ const BLOCKED_NS: i64 = SECOND_NS;
 /// What counts as having turned, radians: three counts of the motor.
 const TURNED_RAD: f64 = 0.05;
 
+/// No slip and no drift turns a robot so far where it was not told to, radians.
+pub(super) const ASTRAY_RAD: f64 = std::f64::consts::FRAC_PI_4;
+
 /// How near the head comes to where it is to look, radians.
 const LOOK_RAD: f64 = 0.035;
 
@@ -321,6 +324,14 @@ impl Standing {
     /// How far the wheels have turned since, radians, the mean of both; forwards is positive.
     pub(super) fn rolled_rad(&self, now: &Self) -> f64 {
         f64::midpoint(now.left_rad - self.left_rad, now.right_rad - self.right_rad)
+    }
+
+    /// How far the gyro has turned since, radians, anticlockwise; not a number without a gyro.
+    pub(super) fn turned_rad(&self, now: &Self) -> f64 {
+        match (self.gyro_rad, now.gyro_rad) {
+            (Some(from_rad), Some(to_rad)) => to_rad - from_rad,
+            _ => f64::NAN,
+        }
     }
 
     /// How much farther the right wheel has turned since than the left one, radians.

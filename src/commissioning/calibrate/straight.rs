@@ -7,7 +7,7 @@ use crate::senses::{Channel, Senses};
 
 use super::CalibrateError;
 use super::fit::{Measured, median, slope};
-use super::stage::{Ended, Limit, Stage, Standing};
+use super::stage::{ASTRAY_RAD, Ended, Limit, Stage, Standing};
 
 /// Between these ranges the robot drives back and forth, metres from the sensor: near enough for a
 /// loud echo, far enough not to touch.
@@ -35,6 +35,9 @@ const LOST_NS: i64 = 1_000_000_000;
 
 /// The file's circumference may be off by a third; a motion may go so much farther than it thinks.
 const SLACK: f64 = 1.5;
+
+/// An echo that is so much farther off, metres, is no noise.
+const RECEDED_M: f64 = 0.1;
 
 /// How far the robot drives where a person measures, metres.
 const METRE_M: f64 = 1.0;
@@ -96,10 +99,18 @@ fn wall_ahead(stage: &mut Stage<'_>) -> Result<f64, CalibrateError> {
 /// Drives ahead to the near range or back to the far one; the wheels' angle, radians, and the
 /// reading of each echo on the way, metres.
 fn way(stage: &mut Stage<'_>, way: f64, length_m: f64) -> Result<Vec<[f64; 2]>, CalibrateError> {
-    stage.rest()?;
+    let from = stage.rest()?;
     let mut echoes = Echoes::new(way);
     let limit = limit(stage, length_m);
     let ended = stage.drive(forward(way), limit, |now, senses| echoes.look(now, senses))?;
+    if ended == Ended::Limit || echoes.lost {
+        is_straight(&from, &stage.rest()?)?;
+        if way * echoes.receded_m() > RECEDED_M {
+            return Err(CalibrateError::Exchanged(
+                "the robot drives the other way than it is told",
+            ));
+        }
+    }
     if echoes.lost {
         return Err(CalibrateError::WallLost);
     }
@@ -111,6 +122,14 @@ fn way(stage: &mut Stage<'_>, way: f64, length_m: f64) -> Result<Vec<[f64; 2]>, 
         )));
     }
     Ok(echoes.points)
+}
+
+/// Refuses a way on which the robot turned.
+fn is_straight(from: &Standing, to: &Standing) -> Result<(), CalibrateError> {
+    if from.turned_rad(to).abs() > ASTRAY_RAD {
+        return Err(CalibrateError::Exchanged("the robot turns where it is to drive straight"));
+    }
+    Ok(())
 }
 
 fn forward(way: f64) -> Drive {
@@ -165,6 +184,14 @@ impl Echoes {
         self.beyond = if is_beyond { self.beyond + 1 } else { 0 };
         self.beyond >= 2
     }
+
+    /// How much farther off the last echo is than the first, metres.
+    fn receded_m(&self) -> f64 {
+        match self.points[..] {
+            [[_, first_m], .., [_, last_m]] => last_m - first_m,
+            _ => 0.0,
+        }
+    }
 }
 
 /// Drives about a metre, ahead and back; the person measures each time.
@@ -195,7 +222,9 @@ fn metre(stage: &mut Stage<'_>, way: f64) -> Result<f64, CalibrateError> {
     stage.drive(forward(way), limit(stage, METRE_M), |now, _| {
         from.rolled_rad(now).abs() * metres_per_rad >= METRE_M
     })?;
-    let wheel_rad = from.rolled_rad(&stage.rest()?).abs();
+    let to = stage.rest()?;
+    is_straight(&from, &to)?;
+    let wheel_rad = from.rolled_rad(&to).abs();
     let came_m = stage.dialogue.number(
         "How far did that wheel come from its mark, in metres, to the millimetre (such as 0.987)?",
         METRE_M,

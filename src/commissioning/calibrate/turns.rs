@@ -8,7 +8,7 @@ use crate::senses::Channel;
 use crate::units::{degrees, radians};
 
 use super::fit::Measured;
-use super::stage::{Ended, Limit, Stage, Standing};
+use super::stage::{ASTRAY_RAD, Ended, Limit, Stage, Standing};
 use super::{CalibrateError, CalibrateOptions, NoAnswer};
 
 /// How fast the robot spins, radians per second: far below the 440 degrees a second at which a gyro
@@ -127,10 +127,7 @@ struct Spin {
 impl Spin {
     /// What the gyro says was turned, radians, anticlockwise; not a number without a gyro.
     fn gyro_rad(&self) -> f64 {
-        match (self.from.gyro_rad, self.to.gyro_rad) {
-            (Some(from_rad), Some(to_rad)) => to_rad - from_rad,
-            _ => f64::NAN,
-        }
+        self.from.turned_rad(&self.to)
     }
 }
 
@@ -160,6 +157,9 @@ fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<(Spin, WholeTurns), C
     let to = stage.rest()?;
     let spin = Spin { from, to, way };
     if ended == Ended::Limit {
+        if way * spin.gyro_rad() < -ASTRAY_RAD {
+            return Err(CalibrateError::Exchanged("the gyro turns the other way than the wheels"));
+        }
         let config = stage.config();
         let wheels_rad =
             width_m(&spin, config.drive.wheel_circumference_m, config.drive.track_width_m);

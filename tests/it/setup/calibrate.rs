@@ -357,6 +357,32 @@ fn whatever_goes_wrong_on_the_way_is_said_and_the_robot_stands() {
 }
 
 #[test]
+fn wheels_that_are_exchanged_or_turn_the_wrong_way_are_named() {
+    const LEFT: &str = "{ port = \"outB\" }";
+    const RIGHT: &str = "{ port = \"outD\" }";
+    let inverted = |robot: &str, wheel: &str| {
+        robot.replacen(wheel, &wheel.replace(" }", ", inverted = true }"), 1)
+    };
+    let robot = wrong(1.0, 1.0, true).text;
+    let exchanged = robot.replacen(LEFT, "-", 1).replacen(RIGHT, LEFT, 1).replacen("-", RIGHT, 1);
+    let one = inverted(&robot, LEFT);
+    let both = inverted(&one, RIGHT);
+    for (text, straight, what) in [
+        (&exchanged, Straight::Wall, "the gyro turns the other way than the wheels"),
+        (&one, Straight::Wall, "the robot turns where it is to drive straight"),
+        (&one, Straight::Metre, "the robot turns where it is to drive straight"),
+        (&both, Straight::Wall, "the robot drives the other way than it is told"),
+    ] {
+        let bench = Bench::new("", 1);
+        let robot = Source { name: "robot.toml".to_owned(), text: text.clone() };
+        let options = CalibrateOptions { straight: Some(straight), ..Default::default() };
+        let error = measure(&bench, &robot, &options).unwrap_err();
+        assert!(matches!(error, CalibrateError::Exchanged(_)), "{straight:?}: {error}");
+        assert!(error.to_string().starts_with(what), "{straight:?}: {error}");
+    }
+}
+
+#[test]
 fn a_wall_that_is_lost_on_the_way_is_no_wall_that_was_never_there() {
     let bench = Bench::new("", 1);
     let error = ends_after(&bench, bench.clock.now_ns() + 12 * SECOND_NS, |simulation, _| {
