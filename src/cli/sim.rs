@@ -14,11 +14,11 @@ use super::common::{chosen_robot, load_robot, load_world, read_own, warn, write_
 use super::terminal::stop_flags;
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
-use crate::ev3dev::{EV3, PLATFORMS, Platform};
+use crate::ev3dev::{EV3, Inventory, LocalTree, PLATFORMS, Platform, Tree};
 use crate::printable::in_shell;
 use crate::sim::{
-    Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, Options, Order,
-    Scenario, Simulation, StartPose, WorldPhysics, still,
+    Button, DeviceFault, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError,
+    Options, Order, Scenario, Simulation, StartPose, WorldPhysics, still,
 };
 use crate::simulated::furnished;
 
@@ -129,6 +129,7 @@ struct Done {
 enum SimCommand {
     /// Make something go wrong on a mounted brick, now: `in1 stuck`, `outB block for 2`, `in4
     /// unplug`, `battery 6.2`, `clear`.
+    #[command(after_help = faults())]
     Fault {
         /// Where the brick is mounted: with several robots, the folder of one.
         brick: PathBuf,
@@ -164,6 +165,11 @@ enum SimCommand {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<String>,
     },
+}
+
+fn faults() -> String {
+    let words: Vec<&str> = DeviceFault::words().collect();
+    format!("Faults of a port: {}; in1 clear ends those of in1.", words.join(", "))
 }
 
 fn button(name: &str) -> Result<Button, String> {
@@ -202,12 +208,24 @@ fn order(brick: &Path, order: &str, output: &mut Output) -> Result<(), Failure> 
         .hint("onbrick sim FOLDER, and then the same folder here"));
     }
     let written = std::fs::write(&file, order);
-    written.context(Exit::Failed, format_args!("`{order}` was not done")).hint(
-        "a device that is there, and an order that fits it; onbrick devices shows what is plugged \
-         in",
-    )?;
+    written
+        .context(Exit::Failed, format_args!("`{order}` was not done"))
+        .map_err(|failure| failure.hint(fitting(brick)))?;
     output.show(format!("done: {order}"), &serde_json::json!({ "done": order }));
     Ok(())
+}
+
+/// What an order can be about.
+fn fitting(brick: &Path) -> String {
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(brick));
+    let devices = Inventory::read(&tree).map(|found| found.devices).unwrap_or_default();
+    let plugged: Vec<String> = devices
+        .iter()
+        .filter(|entry| entry.class != "lego-port")
+        .map(|entry| format!("{} {}", Platform::short(&entry.address), entry.driver))
+        .collect();
+    let buttons = if Platform::of(&tree).buttons.is_none() { "; it has no buttons" } else { "" };
+    format!("an order that fits what the brick has: {}{buttons}", plugged.join(", "))
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {

@@ -65,6 +65,9 @@ pub enum FaultError {
         /// World frame, metres.
         y_m: f64,
     },
+    /// Only some boards have buttons.
+    #[error("the board has no buttons")]
+    NoButtons,
     /// Move what stands there, another robot.
     #[error("something stands where the robot started")]
     Taken,

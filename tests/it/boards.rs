@@ -482,6 +482,16 @@ fn a_stop_button_can_be_an_input_device_and_a_run_is_refused_without_it() {
 }
 
 #[test]
+fn a_board_without_buttons_has_none_to_be_pressed() {
+    for platform in PLATFORMS {
+        let pressed = Bench::new(platform).simulation.control(0, "press enter");
+        let said = pressed.map_err(|error| error.to_string());
+        let expected = platform.buttons.map(drop).ok_or("the board has no buttons".to_owned());
+        assert_eq!(said, expected, "{}", platform.name);
+    }
+}
+
+#[test]
 fn the_menu_is_refused_in_words_where_the_board_has_no_screen_for_it() {
     for platform in PLATFORMS {
         let Err(why) = platform.screen else { continue };

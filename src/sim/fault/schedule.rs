@@ -124,6 +124,9 @@ impl State {
                 ramps.retain(|ramp| ramp.robot != robot);
                 ramps.push(ramp);
             }
+            Act::Press(..) if brick.board.platform.buttons.is_none() => {
+                return Err(FaultError::NoButtons);
+            }
             &Act::Press(button, for_ns) => {
                 held.retain(|held| (held.robot, held.button) != (robot, button));
                 held.push(Held { robot, button, until_ns: now_ns.saturating_add(for_ns) });

@@ -40,6 +40,15 @@ fn every_command_has_help_with_an_example() {
 }
 
 #[test]
+fn the_help_of_sim_fault_lists_the_faults() {
+    let folder = tempfile::tempdir().unwrap();
+    let help = run(folder.path(), &["sim", "fault", "--help"]).expect(0).out;
+    for word in onbrick::sim::DeviceFault::words() {
+        assert!(help.contains(word), "`{word}` is not in\n{help}");
+    }
+}
+
+#[test]
 fn the_pages_for_users_are_shown_whole() {
     let folder = tempfile::tempdir().unwrap();
     for (page, whole) in [

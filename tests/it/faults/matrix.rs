@@ -433,7 +433,6 @@ fn a_foreign_hand_writes_what_a_program_could_write() {
         (Port::OutB, "write wings 1", Errno::ENOENT),
         (Port::OutB, "write state running", Errno::EACCES),
         (Port::In1, "reset", Errno::EINVAL),
-        (Port::OutC, "reset", Errno::ENODEV),
     ] {
         let fault = DeviceFault::parse(text).unwrap();
         let error = rig.bench.simulation.inject(0, port, fault.clone()).unwrap_err();
@@ -449,7 +448,9 @@ fn faults_that_a_port_cannot_have_are_refused_with_the_reason() {
         (Port::In1, "endless", "nothing turns there"),
         (Port::OutA, "resync", "it has no serial line"),
         (Port::In2, "stale 10", "a touch sensor has no serial line"),
-        (Port::OutC, "plug", "nothing was in it"),
+        (Port::OutC, "plug", "nothing is plugged in there"),
+        (Port::OutC, "stuck", "nothing is plugged in there"),
+        (Port::OutC, "reset", "nothing is plugged in there"),
     ] {
         let error =
             rig.bench.simulation.inject(0, port, DeviceFault::parse(text).unwrap()).unwrap_err();

@@ -206,14 +206,17 @@ fn a_button_is_down_for_as_long_as_the_last_press_says() {
 
 #[test]
 fn what_a_scenario_orders_in_vain_is_recorded_with_the_reason() {
-    let text = "[[fault]]\nat_s = 0\nport = \"outC\"\nkind = \"reset\"\n[[fault]]\nat_s = 0\n\
+    let text = "[[fault]]\nat_s = 0\nport = \"outB\"\nkind = \"write a 1\"\n[[fault]]\nat_s = 0\n\
                 robot = 3\nport = \"in1\"\nkind = \"stuck\"\n";
     let rig = Rig::recorded();
     rig.bench.simulation.play(&Scenario::parse("vain.toml", text.as_bytes()).unwrap().0);
     let done: Vec<String> =
         rig.bench.simulation.faults_done().into_iter().map(|record| record.what).collect();
     assert_eq!(done.len(), 2, "{done:?}");
-    assert!(done[0].starts_with("outC reset: `reset` on outC was refused (ENODEV"), "{done:?}");
+    assert!(
+        done[0].starts_with("outB write a 1: `write a 1` on outB was refused (ENOENT"),
+        "{done:?}"
+    );
     assert_eq!(done[1], "in1 stuck: there is no robot 3; there are 1");
 }
 

@@ -131,6 +131,10 @@ fn an_order_that_makes_no_sense_does_nothing_and_says_why() {
     assert_eq!(unknown.status.code(), Some(2), "{}", String::from_utf8_lossy(&unknown.stderr));
     let unfit = fault(&mounted, &["in2", "block"]);
     assert_eq!(unfit.status.code(), Some(1), "a sensor has no shaft to block");
+    let empty = fault(&mounted, &["outC", "stuck"]);
+    let said = String::from_utf8_lossy(&empty.stderr).into_owned();
+    assert_eq!(empty.status.code(), Some(1), "{said}");
+    assert!(said.contains("in1 lego-ev3-us") && said.contains("outB lego-ev3-l-motor"), "{said}");
     assert!(std::fs::write(mounted.root().join("sim/faults"), "in9 stuck\n").is_err());
     assert!(std::fs::write(mounted.root().join("sim/faults"), [0xff, 0xfe]).is_err());
     assert_eq!(std::fs::read_to_string(mounted.root().join("sim/faults")).unwrap(), "");
