@@ -111,11 +111,17 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         }
         What::Authorise { key, name } => {
             let key = parsed(key)?;
+            // A file that cannot be read is written over.
+            let before = authorised.find(&key).ok().flatten();
+            let before = before.filter(|before| before != name.as_str());
             authorised.add(&key, name.as_str())?;
             let fingerprint = key.fingerprint();
+            let renamed = before.as_ref().map(|before| format!(", which was {before} before"));
             output.show(
-                format!("{name} may ask from now on: {fingerprint}"),
-                &serde_json::json!({ "authorised": name, "fingerprint": fingerprint }),
+                format!("{name} may ask from now on: {fingerprint}{}", renamed.unwrap_or_default()),
+                &serde_json::json!({
+                    "authorised": name, "fingerprint": fingerprint, "before": before
+                }),
             );
         }
         What::Revoke { which } => revoke(&authorised, which, output)?,

@@ -73,6 +73,22 @@ fn a_key_that_begins_with_a_hyphen_is_an_argument_like_any_other() {
 }
 
 #[test]
+fn a_key_that_is_authorised_under_another_name_is_said_to_be_renamed() {
+    let folder = tempfile::tempdir().unwrap();
+    let public = KeyPair::generate().unwrap().public().to_string();
+    let authorise = |name: &str| {
+        let mut command = onbrick();
+        command.args(["key", "authorise", &public, "--name", name, "--keys"]).arg(folder.path());
+        text(&command.output().unwrap().stdout)
+    };
+    for (name, is_renamed) in [("anna", false), ("anna", false), ("board", true)] {
+        let said = authorise(name);
+        assert!(said.starts_with(&format!("{name} may ask from now on: ")), "{said}");
+        assert_eq!(said.trim_end().ends_with(", which was anna before"), is_renamed, "{said}");
+    }
+}
+
+#[test]
 fn root_puts_no_key_where_the_service_could_not_read_it() {
     if !nix::unistd::geteuid().is_root() {
         return pass_over("root, who has what would be the service's");
