@@ -388,6 +388,10 @@ fn warnings(integrity: &Integrity, undecoded: u64, ended: bool) -> Vec<String> {
         let bytes = counted(integrity.bytes, "byte");
         warnings.push(format!("the file was cut after {bytes}: the recorder did not finish it"));
     }
+    if integrity.appended_bytes > 0 {
+        let bytes = counted(integrity.appended_bytes, "byte");
+        warnings.push(format!("left out what follows the recording's end: {bytes}"));
+    }
     if undecoded > 0 {
         warnings.push(format!(
             "{} could not be understood; is this version older than the file?",

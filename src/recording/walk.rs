@@ -59,6 +59,8 @@ pub struct Integrity {
     pub cut_bytes: u64,
     /// True where the file has MCAP's own end: the recorder finished it.
     pub complete: bool,
+    /// Bytes behind that end.
+    pub appended_bytes: u64,
 }
 
 /// Walks through everything that is whole, in the order of the file.
@@ -67,13 +69,23 @@ pub fn walk<'a>(bytes: &'a [u8], found: &mut dyn FnMut(Found<'a>)) -> Integrity 
     let (done, rest) = walk.over(bytes, found);
     let mut integrity = walk.integrity;
     integrity.bytes = bytes.len() as u64;
-    integrity.complete = bytes.len() >= 2 * mcap::MAGIC.len() && bytes.ends_with(mcap::MAGIC);
+    let end = if rest == Rest::Ended { end_of(bytes, done) } else { None };
+    integrity.appended_bytes = end.map_or(0, |end| (bytes.len() - end) as u64);
+    integrity.complete =
+        end.is_some() || bytes.len() >= 2 * mcap::MAGIC.len() && bytes.ends_with(mcap::MAGIC);
     match rest {
         Rest::Ended => {}
         Rest::Short(at) if !integrity.complete => integrity.cut_bytes = (bytes.len() - at) as u64,
         Rest::Short(_) | Rest::Damaged => integrity.damaged.push(done as u64..bytes.len() as u64),
     }
     integrity
+}
+
+/// Where a whole file ends: behind its footer and the magic, the data's end being at `data_end`.
+fn end_of(bytes: &[u8], data_end: usize) -> Option<usize> {
+    let footer = frames(bytes.get(data_end..)?).find(|record| record.opcode == op::FOOTER)?;
+    let end = data_end + footer.next;
+    bytes.get(end..)?.starts_with(mcap::MAGIC).then(|| end + mcap::MAGIC.len())
 }
 
 /// What is behind everything that is whole.

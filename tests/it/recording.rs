@@ -237,6 +237,19 @@ fn promise_7_a_file_cut_anywhere_gives_all_whole_records_before_the_cut() {
 }
 
 #[test]
+fn what_was_appended_to_a_recording_is_said_and_left_out() {
+    let whole = Run::read(small()).unwrap();
+    for (more, said) in [(&b"x"[..], "the recording's end: 1 byte"), (small(), " bytes")] {
+        let run = Run::read(&[small(), more].concat()).unwrap();
+        assert!(run.integrity.complete && run.integrity.damaged.is_empty(), "{:?}", run.integrity);
+        assert_eq!(run.integrity.appended_bytes, more.len() as u64);
+        assert_eq!((run.senses, run.ending), (whole.senses.clone(), whole.ending.clone()));
+        let [warning] = &run.warnings[..] else { panic!("{:?}", run.warnings) };
+        assert!(warning.contains(said), "{warning}");
+    }
+}
+
+#[test]
 fn what_is_no_recording_is_refused_with_a_reason() {
     let mut other = Vec::new();
     let mut writer = mcap::Writer::new(io::Cursor::new(&mut other)).unwrap();
