@@ -127,7 +127,8 @@ commands! {
 
 /// Parses the arguments, runs the one command they name, and gives its exit code.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let parsed = described().try_get_matches_from(with_whole_numbers(arguments));
+    let arguments: Vec<OsString> = with_whole_numbers(arguments).collect();
+    let parsed = described().try_get_matches_from(&arguments);
     let arguments = match parsed.and_then(|matches| Arguments::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
         Err(mut error) => {
@@ -135,6 +136,12 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             // `--help` and `--version` come here too; their exit code is 0, that of a wrong usage
             // 2. An argument may be a file's name that the shell found.
             let text = error.render().to_string();
+            // The error does not say which arguments were in order.
+            let mut ours = arguments.iter().take_while(|argument| *argument != "--");
+            if error.use_stderr() && ours.any(|argument| argument == "--json") {
+                let message = text.strip_prefix("error: ").unwrap_or(&text).trim_end();
+                return Output::new(true).fail(&Failure::usage(message));
+            }
             let text = output::safe(&text);
             let _ = match error.use_stderr() {
                 true => std::io::stderr().write_all(text.as_bytes()),

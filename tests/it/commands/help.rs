@@ -135,8 +135,12 @@ fn a_failure_is_json_for_a_program_and_text_for_a_person() {
     assert_eq!(failure["exit"], 3);
     assert!(failure["error"].as_str().unwrap().contains("none.mcap"), "{failure}");
     assert!(said.err.starts_with("error: "), "{}", said.err);
-    let usage = run(folder.path(), &["--json", "plot"]).expect(2);
-    assert!(usage.err.contains("Usage"), "{}", usage.err);
+    for arguments in [&["--json", "plot"][..], &["plot", "--json"], &["--json", "plto"]] {
+        let usage = run(folder.path(), arguments).expect(2);
+        let [failure] = usage.json().try_into().unwrap();
+        assert_eq!(super::keys(&failure), ["error", "exit", "hint"]);
+        assert!(failure["exit"] == 2 && usage.err.contains("Usage"), "{failure} {}", usage.err);
+    }
 }
 
 #[test]
