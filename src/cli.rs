@@ -11,6 +11,7 @@
 //! | 3 | refused: a check failed before anything moved |
 //! | 4 | no answer in time |
 //! | 5 | some bricks failed |
+//! | 6 | a run was stopped before its end; by Ctrl-C, the signal itself |
 
 use std::ffi::OsString;
 use std::io::Write as _;
@@ -166,7 +167,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(()) => output.code(),
         Err(failure) => output.fail(&failure),
     };
-    if is_cut_short && matches!(arguments.command, Command::Run(_)) {
+    if is_cut_short {
         terminal::die_of_interrupt();
     }
     code

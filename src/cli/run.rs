@@ -171,7 +171,7 @@ fn conclude(ended: &Ended, output: &mut Output) -> Result<(), Failure> {
 }
 
 /// What a run's end, which the line before has said, means for what comes after this command.
-fn verdict(stop: &Stop, file: &Path, output: &mut Output) -> Result<(), Failure> {
+pub(super) fn verdict(stop: &Stop, file: &Path, output: &mut Output) -> Result<(), Failure> {
     if !stop.reason.is_wanted() {
         return Err(ended_badly(stop.to_string(), file, output));
     }

@@ -11,6 +11,7 @@ use crate::cli::common::{
     stamps_ns,
 };
 use crate::cli::folder::RunFolder;
+use crate::cli::run::verdict;
 use crate::cli::terminal::stop_flags;
 use crate::cli::{Context, Exit, Failure, Output};
 use crate::document::nearest_or_all;
@@ -132,11 +133,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         ),
         &quality,
     );
-    if ended.stop.reason.is_wanted() {
-        Ok(())
-    } else {
-        Err(Failure::failed(ended.stop.to_string()))
-    }
+    verdict(&ended.stop, &job.file, output)
 }
 
 /// How far the points are from the walls, as far as there are both.

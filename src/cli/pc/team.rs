@@ -106,7 +106,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     gather::report(&came, output);
     let gathered = gather::merge(&plan, &came, output);
     folder.take_back();
-    gather::verdict(&came, plan.out).and(gathered)
+    gather::verdict(&came, plan.out, output).and(gathered)
 }
 
 /// `onbrick status --team`: the table alone.

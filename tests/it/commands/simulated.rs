@@ -393,6 +393,24 @@ fn control_is_a_process_of_its_own_that_ends_with_its_run() {
 }
 
 #[test]
+fn a_demo_that_is_stopped_ends_as_a_run_does() {
+    use nix::sys::signal::Signal;
+    for (signal, code) in [(Signal::SIGINT, None), (Signal::SIGTERM, Some(6))] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut command = onbrick(folder.path(), &["demo", "--realtime"]);
+        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let recording = folder.path().join("onbrick-demo/run.mcap");
+        let has_begun = || std::fs::metadata(&recording).is_ok_and(|file| file.len() > 0);
+        crate::support::turning_brick::await_that("the demo drives", has_begun);
+        let process = nix::unistd::Pid::from_raw(i32::try_from(child.id()).unwrap());
+        nix::sys::signal::kill(process, signal).unwrap();
+        let said = super::done(&child.wait_with_output().unwrap());
+        assert_eq!(said.code, code, "{}{}", said.out, said.err);
+        assert!(said.out.contains("stopped by a signal"), "{}{}", said.out, said.err);
+    }
+}
+
+#[test]
 fn a_run_says_once_that_it_ended() {
     let folder = tempfile::tempdir().unwrap();
     let arguments = ["run", "map", "--sim", "open", "--set", "time_limit_s=1", "--json"];

@@ -47,9 +47,13 @@ fn is_good(one: &Came) -> bool {
 }
 
 /// How the whole ended; `out` has the recordings.
-pub(super) fn verdict(came: &[Came], out: &Path) -> Result<(), Failure> {
+pub(super) fn verdict(came: &[Came], out: &Path, output: &mut Output) -> Result<(), Failure> {
     let bad: Vec<&Came> = came.iter().filter(|one| !is_good(one)).collect();
     if bad.is_empty() {
+        let mut ends = came.iter().filter_map(|one| one.end.as_ref());
+        if ends.any(|end| !end.stop.reason.is_complete()) {
+            output.ends_with(Exit::Stopped as u8);
+        }
         return Ok(());
     }
     let names = bad.iter().map(|one| one.brick.name.as_str()).collect::<Vec<_>>().join(", ");
