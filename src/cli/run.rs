@@ -227,7 +227,8 @@ fn brick(arguments: &Arguments, robot: Option<&RobotConfig>) -> Result<(Brick, P
     let there = brick_is_there(&(Arc::new(tree.clone()) as Arc<dyn Tree>));
     #[cfg(feature = "sim")]
     let there = there.hint(
-        "--sim arena, which drives a simulated one; --brick with the folder where one is mounted",
+        "--sim arena, or open where a mission needs room, which drives a simulated one; --brick \
+         with the folder where one is mounted",
     );
     there.map(|()| (Brick::Local(tree), Pose::default()))
 }
