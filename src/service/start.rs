@@ -10,7 +10,7 @@ use nix::unistd::Pid;
 use super::core::{Service, named};
 use super::hardware::taken;
 use super::machine::Happening;
-use super::store::Record;
+use super::store::{Record, StoreError};
 use super::{missions, signs};
 use crate::behavior::Mission;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
@@ -189,7 +189,7 @@ impl Service {
             drop(now);
             return match run {
                 Some(run) if !inner.store.knows(run) => {
-                    Err(Refusal::new(Kind::UnknownRun, format!("there is no run `{run}` here")))
+                    Err(StoreError::Unknown(run.clone()).into())
                 }
                 Some(run) => Ok(Stopped { run: Some(run.clone()), stopped: true, other: None }),
                 None => self.stop_other(by),

@@ -144,7 +144,9 @@ fn what_is_not_in_order_is_refused_with_its_kind_and_nothing_starts() {
     here(set("time_limit_s", -1.0), Kind::BadRequest, "time_limit_s");
     here(Start { pose: Some([1e9, 0.0, 0.0]), ..start("a", "short") }, Kind::BadRequest, "pose");
 
-    refused_as(&served.refused(&Request::Stop { run: Some(id("a")) }), Kind::UnknownRun, "`a`");
+    let unknown = served.refused(&Request::Stop { run: Some(id("a")) });
+    refused_as(&unknown, Kind::UnknownRun, "`a`");
+    assert!(unknown.hint.is_some_and(|hint| hint.contains("onbrick runs")));
     let fetch = Request::Fetch(Fetch::part(&id("a"), 0, 1));
     refused_as(&served.refused(&fetch), Kind::UnknownRun, "`a`");
     refused_as(&served.own_refused(&LocalOnly::Delete { run: id("a") }), Kind::UnknownRun, "`a`");
