@@ -50,6 +50,9 @@ pub enum StopReason {
     /// A device is gone, or cannot be read any more.
     #[error("lost: {0} (a plug may be loose)")]
     Lost(Channel),
+    /// The brick's files are gone, all of them.
+    #[error("the brick's files are gone: what had mounted them, such as onbrick sim, has ended")]
+    Unmounted,
     /// A reading cannot be true: it stands still although what it measures moves (a gyro while the
     /// wheels turn the robot by 60°, a range while the robot drives 0.2 m along its beam, a head's
     /// angle for a second while it is told to turn), or leaps about.

@@ -4,6 +4,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use nix::errno::Errno;
+
 use crate::behavior::{Mission, SetError};
 use crate::clock::{SECOND_NS, seconds, wall_ns};
 use crate::document::Findings;
@@ -162,7 +164,11 @@ pub fn execute(
     let driven = catch_unwind(AssertUnwindSafe(|| control.drive()));
     let mut tally = control.tally;
     let stopped = robot.stop(StopAction::Brake);
-    let reason = driven.unwrap_or(StopReason::Panicked);
+    let (reason, stopped) = match driven.unwrap_or(StopReason::Panicked) {
+        // No file is left to stop a motor by: its lease ends.
+        StopReason::Lost(_) if is_gone(&environment.tree) => (StopReason::Unmounted, true),
+        reason => (reason, stopped),
+    };
     let mut stop = reason.with(detail(reason, job, &mut robot, &environment.tree));
     if reason.has_a_place() {
         stop.add(&place(&mission, &pilot, &tally.pose));
@@ -235,6 +241,11 @@ fn ready(
     // As the robot was bound: with the cells that the brick runs on.
     let pilot = Pilot::new(robot.config(), &mission, job.method, job.start)?.with_seed(seed);
     Ok(Ready { _held, mission, robot, pilot, seed })
+}
+
+/// Whether there is no brick any more: its folder is empty, or what served it is dead.
+fn is_gone(tree: &Arc<dyn Tree>) -> bool {
+    matches!(tree.list("sys"), Err(Errno::ENOENT | Errno::ENOTCONN))
 }
 
 /// What else is known of why a run ended.

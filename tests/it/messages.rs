@@ -217,6 +217,7 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         StopReason::Abandoned,
         StopReason::Outside(onbrick::senses::Channel::Left),
         StopReason::Lost(onbrick::senses::Channel::Gyro),
+        StopReason::Unmounted,
         StopReason::Implausible(onbrick::senses::Channel::Gyro),
         StopReason::Implausible(onbrick::senses::Channel::Range),
         StopReason::Implausible(onbrick::senses::Channel::Head),

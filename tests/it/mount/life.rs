@@ -16,8 +16,9 @@ use nix::unistd::Pid;
 use onbrick::clock::VirtualClock;
 use onbrick::sim::{EventLayout, Mount, MountError, Simulation, Unfit};
 
-use super::bench::{Mounted, await_or_fail, errno, names, no_fuse};
+use super::bench::{Mounted, await_or_fail, errno, names, no_fuse, real_time};
 use crate::drivers_bench::Bench;
+use crate::support::real_time::in_real_time;
 use crate::support::{OTHER_USER, copy_of_program, pass_over, tested_program};
 
 /// A simulator in a process of its own, that says that it has mounted.
@@ -130,6 +131,12 @@ fn every_signal_that_asks_to_end_unmounts_also_with_files_open() {
     }
 }
 
+fn umount(point: &Path) {
+    if nix::mount::umount(point).is_err() {
+        let _ = Command::new("fusermount3").arg("-u").arg(point).status();
+    }
+}
+
 #[test]
 fn a_simulator_that_somebody_else_unmounts_ends_and_says_so() {
     if no_fuse() {
@@ -137,9 +144,7 @@ fn a_simulator_that_somebody_else_unmounts_ends_and_says_so() {
     }
     let folder = tempfile::tempdir().unwrap();
     let simulator = Simulator::start(folder.path());
-    if nix::mount::umount(folder.path()).is_err() {
-        let _ = Command::new("fusermount3").arg("-u").arg(folder.path()).status();
-    }
+    umount(folder.path());
     let (code, last) = simulator.end();
     assert_eq!(code, Some(0));
     assert!(last.contains("unmounted by another program"), "{last}");
@@ -181,6 +186,39 @@ fn what_a_killed_simulator_leaves_is_cleaned_up_by_the_next_one() {
     second.signal(Signal::SIGTERM);
     assert_eq!(second.end().0, Some(0));
     assert!(!is_mounted(&point), "nothing is left of either");
+}
+
+#[test]
+fn a_run_whose_simulator_is_killed_says_so_and_blames_no_plug() {
+    if no_fuse() {
+        return;
+    }
+    let _alone = real_time();
+    in_real_time("a run whose simulator is killed", |pace| {
+        let folder = tempfile::tempdir().unwrap();
+        let point = folder.path().join("brick");
+        let mut simulator = Simulator::start(&point);
+        let mut run = Command::new(tested_program())
+            .args(["--json", "run", "square", "--out", "out", "--brick"])
+            .arg(&point)
+            .current_dir(folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        pace.watch(&simulator.process);
+        pace.watch(&run);
+        let mut events = BufReader::new(run.stdout.take().unwrap()).lines();
+        let drives = events.any(|event| event.unwrap().contains("\"driving\""));
+        simulator.signal(Signal::SIGKILL);
+        simulator.process.wait().unwrap();
+        events.for_each(drop);
+        let said = run.wait_with_output().unwrap();
+        let told = String::from_utf8_lossy(&said.stderr).into_owned();
+        pace.ensure(drives && told.contains("the brick's files are gone"), || told.clone());
+        pace.same("exit code", &said.status.code(), &Some(1));
+        umount(&point);
+    });
 }
 
 #[test]
