@@ -33,7 +33,9 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let described = crate::cli::described();
     let pages = arguments.folder.join("share/man/man1");
     make_folder(Exit::Failed, &pages).hint(OWN)?;
-    clap_mangen::generate_to(described.clone(), &pages).map_err(cannot_write(&pages))?;
+    let mut built = described.clone().disable_help_subcommand(true);
+    built.build();
+    clap_mangen::generate_to(with_usage(built), &pages).map_err(cannot_write(&pages))?;
     for page in std::fs::read_dir(&pages).map_err(cannot_write(&pages))?.flatten() {
         let text = std::fs::read_to_string(page.path()).map_err(cannot_write(&page.path()))?;
         write_file(&page.path(), with_examples(&text).as_bytes())?;
@@ -50,6 +52,14 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let said = format!("wrote pages and completions into {}", folder.join("share").display());
     output.show(said, &serde_json::json!({ "wrote": folder }));
     Ok(())
+}
+
+/// The same, with the synopsis that `--help` has: clap_mangen's own has no `...` where several
+/// values are taken.
+fn with_usage(mut command: Command) -> Command {
+    let usage = command.render_usage().to_string();
+    let usage = usage.trim_start_matches("Usage: ").to_owned();
+    command.override_usage(usage).mut_subcommands(with_usage)
 }
 
 /// A page whose indented lines, the examples, stay as they are: `man` would fill them.

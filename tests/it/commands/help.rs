@@ -179,6 +179,11 @@ fn the_manual_has_a_page_for_each_command_that_is_shown_and_bash_completes_just_
         assert!(page(&format!("onbrick-{command}.1")).is_some_and(|page| page.contains("Example")));
     }
     assert!(page("onbrick-sim-exec.1").is_some(), "of the commands of a command, too");
+    for (name, usage) in [("plot", " <RUNS>..."), ("sim-press", " <BRICK> <BUTTON>...")] {
+        let page = page(&format!("onbrick-{name}.1")).unwrap();
+        let synopsis = page.split(".SH SYNOPSIS").nth(1).unwrap().lines().nth(1).unwrap();
+        assert!(synopsis.ends_with(usage), "{synopsis}");
+    }
     assert_eq!(page("onbrick-control.1"), None, "control is not started by hand");
     let fish = share.join("fish/vendor_completions.d/onbrick.fish");
     let fish = std::fs::read_to_string(fish).unwrap();
