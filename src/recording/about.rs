@@ -26,6 +26,8 @@ pub struct Start {
     pub world_toml: Option<String>,
     /// How the range sensor sits and measures, where there is one.
     pub range: Option<RangeMount>,
+    /// Whether it is an infrared sensor, by `robot.toml`.
+    pub infrared: bool,
     /// The mission's machines, in its order.
     pub machines: Vec<MachineNames>,
     /// The names of the mission's variables, in its order.

@@ -40,6 +40,7 @@ const FARTHEST_M: f64 = 2.55;
 
 /// `radiation_type` of `sensor_msgs/Range`.
 const ULTRASOUND: u8 = 0;
+const INFRARED: u8 = 1;
 
 /// Turns entries into messages of one file.
 #[derive(Debug)]
@@ -312,7 +313,7 @@ impl Encoder {
         };
         let message = message::RangeMessage {
             header: self.header(reading.read_ns, FRAME_RANGE),
-            radiation_type: ULTRASOUND,
+            radiation_type: if self.start.infrared { INFRARED } else { ULTRASOUND },
             field_of_view: field_of_view_rad(&sensor) as f32,
             min_range: NEAREST_M as f32,
             max_range: FARTHEST_M as f32,

@@ -2,7 +2,9 @@
 //! without them.
 
 use crate::behavior::{MachinePlan, Mission, StatePlan, TransitionPlan};
+use crate::ev3dev::Driver;
 use crate::robot::RobotConfig;
+use crate::senses::Role;
 
 use super::about::{Info, MachineNames, Start, StateNames};
 
@@ -20,6 +22,7 @@ impl Start {
             mission_toml: mission_toml.to_owned(),
             world_toml,
             range: robot.range,
+            infrared: robot.driver_of(Role::Range) == Some(Driver::Infrared),
             machines: machines(mission),
             variables: mission.variables().iter().map(|(name, _)| name.clone()).collect(),
         }

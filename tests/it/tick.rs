@@ -248,6 +248,7 @@ pub(crate) fn start(mission: &Mission) -> Start {
         mission_toml: String::new(),
         world_toml: None,
         range: None,
+        infrared: false,
         machines: mission
             .machines()
             .iter()

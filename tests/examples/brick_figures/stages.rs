@@ -148,6 +148,7 @@ fn start(mission: &Mission) -> Start {
         mission_toml: String::new(),
         world_toml: None,
         range: None,
+        infrared: false,
         machines: Vec::new(),
         variables: Vec::new(),
     }

@@ -68,6 +68,7 @@ pub(crate) fn start(pace: Pace) -> Start {
             half_cone_rad: 0.175,
             ..RangeMount::default()
         }),
+        infrared: true,
         machines: vec![MachineNames {
             name: "drive".to_owned(),
             start: 0,
