@@ -335,6 +335,19 @@ impl Expression {
         .to_owned()
     }
 
+    /// True where it asks of what is sensed and of the robot's place alone: while the robot stands
+    /// still, only something beside it changes that.
+    pub(super) fn asks_of_the_world(&self) -> bool {
+        let is_of_the_world = |op: &Op| match op {
+            Op::Signal(input) => {
+                matches!(input, Input::Signal(_) | Input::StateDistance | Input::StateTurn)
+            }
+            op => !matches!(op, Op::Own { .. } | Op::InState { .. }),
+        };
+        self.ops.iter().any(|op| matches!(op, Op::Signal(_)))
+            && self.ops.iter().all(is_of_the_world)
+    }
+
     /// Whether it looks at whether what the state does has come to its end.
     pub(super) fn asks_whether_done(&self) -> bool {
         self.ops.contains(&Op::Signal(Input::Done))

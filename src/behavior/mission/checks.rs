@@ -59,6 +59,7 @@ pub(super) fn whole(
         let impossible = conditions(root, &draft.plan, reader.time_limit_s());
         if draft.complete && ways_are_known {
             paths(root, draft, &impossible);
+            stands(root, &draft.plan);
         }
     }
 }
@@ -257,6 +258,27 @@ fn counts_ticks(root: &Section<'_>, plan: &MachinePlan, vocabulary: &Vocabulary<
                 format!("this fires in each tick in which it holds, so that `{name}` counts ticks");
             root.note(next.place.clone(), Severity::Warning, message)
                 .hint("let it go to a state that waits until it no longer holds");
+        }
+    }
+}
+
+/// States whose motion comes to its end while each way out waits for something beside the robot.
+fn stands(root: &Section<'_>, plan: &MachinePlan) {
+    for (at, state) in (0..).zip(&plan.states) {
+        let moves =
+            matches!(state.doing.drive, Some(DrivePlan::Motion(_) | DrivePlan::Navigation { .. }));
+        let is_final = plan.around(state).is_some_and(|region| region.end == Some(at));
+        if !moves || is_final || state.next.is_empty() {
+            continue;
+        }
+        if plan.transitions(at).all(|next| next.when.asks_of_the_world()) {
+            let message = format!(
+                "state `{}` asks neither for `done` nor for a time: where its motion ends the \
+                 robot stands",
+                state.name
+            );
+            root.note(state.place.clone(), Severity::Warning, message)
+                .hint("write `done or \u{2026}`, or one more transition with `when = \"done\"`");
         }
     }
 }

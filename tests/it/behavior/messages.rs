@@ -55,6 +55,10 @@ fn cases() -> Vec<(&'static str, String)> {
             "exploring, too far and too near",
             state("do = { explore_m = 30, keep_m = 2, face_deg = 1 }"),
         ),
+        (
+            "a motion whose end is not asked for",
+            when("touch").replace("next =", "do = { drive_m = 1 }\nnext ="),
+        ),
         ("a distance to keep where no way is found", state("do = { drive_m = 1, keep_m = 0.2 }")),
         (
             "sub-machines, used wrongly",
