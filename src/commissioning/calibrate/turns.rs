@@ -158,7 +158,9 @@ fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<(Spin, WholeTurns), C
     let spin = Spin { from, to, way };
     if ended == Ended::Limit {
         if way * spin.gyro_rad() < -ASTRAY_RAD {
-            return Err(CalibrateError::Exchanged("the gyro turns the other way than the wheels"));
+            return Err(CalibrateError::Exchanged(
+                "the gyro turns the other way than the wheels, or is upside down",
+            ));
         }
         let config = stage.config();
         let wheels_rad =
