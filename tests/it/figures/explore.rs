@@ -198,8 +198,8 @@ fn middles(grid: &Grid, is_so: impl Fn(i8) -> bool) -> impl Iterator<Item = [f64
 }
 
 /// The share of a grid's occupied cells whose middle is within 5 cm of a wall, and of the wall that
-/// has one; of the free cells that are not at a wall, those behind one, and of the floor that can be
-/// reached from the first start what is free.
+/// has one; of the free cells that are not at a wall, those behind one, and of the floor that can
+/// be reached from the first start what is free.
 pub(super) fn judge_cells(grid: &Grid, world: &World) -> [f64; 4] {
     let occupied: Vec<[f64; 2]> = middles(grid, |cell| cell == 100).collect();
     let is_at_wall =
@@ -317,8 +317,8 @@ fn summary(name: &str, explored: impl Fn(u64) -> Figures, seeds: u64) -> Summary
         "{name}, {count} seeds: coverage {:.1} % (at least 95 % in {:.0} % of the runs), by what \
          was heard within 5 minutes {:.1} % ({:.0} %); points under 5 cm {:.0} %, moved {:.0} %, \
          standing {:.0} %, turned {:.0} %; occupied cells under 5 cm {:.0} %, {:.0} % of the wall \
-         has one, free cells behind walls {:.1} %, {:.1} % of the floor free; home by truth {:.0} %, by odometry {:.0} %; {} contacts, {} \
-         collisions, {} stalls",
+         has one, free cells behind walls {:.1} %, {:.1} % of the floor free; home by truth \
+         {:.0} %, by odometry {:.0} %; {} contacts, {} collisions, {} stalls",
         summary.coverage * 100.0,
         share(&|figures| figures.coverage >= 0.95) * 100.0,
         soon * 100.0,
