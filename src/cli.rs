@@ -137,10 +137,16 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             // `--help` and `--version` come here too; their exit code is 0, that of a wrong usage
             // 2. An argument may be a file's name that the shell found.
             let text = error.render().to_string();
-            // The error does not say which arguments were in order.
+            // clap's error does not say whether `--json` was parsed.
             let mut ours = arguments.iter().take_while(|argument| *argument != "--");
             if error.use_stderr() && ours.any(|argument| argument == "--json") {
-                let message = text.strip_prefix("error: ").unwrap_or(&text).trim_end();
+                let message = match error.kind() {
+                    // It shows the help for people instead.
+                    clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+                        "what to do is missing"
+                    }
+                    _ => text.strip_prefix("error: ").unwrap_or(&text).trim_end(),
+                };
                 return Output::new(true).fail(&Failure::usage(message));
             }
             let text = output::safe(&text);

@@ -282,7 +282,8 @@ pub struct Ended {
     /// Why it ended.
     #[serde(flatten)]
     pub stop: Stop,
-    /// Every motor took the command to stop.
+    /// Every motor took the command to stop, or none can be commanded any more
+    /// ([`StopReason::Unmounted`]).
     pub stopped: bool,
     /// How many ticks there were.
     pub ticks: u64,

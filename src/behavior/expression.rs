@@ -335,12 +335,12 @@ impl Expression {
         .to_owned()
     }
 
-    /// True where it asks of what is sensed and of the robot's place alone: while the robot stands
-    /// still, only something beside it changes that.
+    /// True where it asks of what is sensed alone: while the robot stands still, only something
+    /// beside it changes that.
     pub(super) fn asks_of_the_world(&self) -> bool {
         let is_of_the_world = |op: &Op| match op {
             Op::Signal(input) => {
-                matches!(input, Input::Signal(_) | Input::StateDistance | Input::StateTurn)
+                matches!(input, Input::Signal(Signal::Sensed(_) | Signal::Echo))
             }
             op => !matches!(op, Op::Own { .. } | Op::InState { .. }),
         };

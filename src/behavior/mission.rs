@@ -114,8 +114,8 @@
 //! or sub-machine lacks; a sub-machine that is missing, or uses itself. It is warned of, and runs,
 //! with: a condition that always holds (unless it is the word `true`); a state from which the final
 //! state cannot be reached; a state whose motion ends, and whose transitions ask only of what is
-//! sensed; a final state that moves something or has a `next` where the mission ends with it; a
-//! sub-machine that no state uses.
+//! sensed; exploring without a gyro; a final state that moves something or has a `next` where the
+//! mission ends with it; a sub-machine that no state uses.
 //!
 //! Whether a transition can fire is judged from comparisons of a multiple of one signal with a
 //! constant, joined by `and`, `or` and `not`, with the numbers that the file gives. What is said is

@@ -187,6 +187,7 @@ impl Driving {
     /// - `doing`: what others are told of it.
     pub(super) fn begin(root: &Path, doing: &str) -> Result<Self, Failure> {
         let flags = StopFlags::on_signals().context(Exit::Failed, NO_SIGNALS)?;
+        raised_by(SIGINT, &INTERRUPTED)?;
         let _lock = HardwareLock::take(root, doing)
             .context(Exit::Refused, "the robot is taken")
             .hint("onbrick halt")?;

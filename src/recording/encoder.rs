@@ -32,15 +32,11 @@ const MAP_PERIOD_NS: i64 = 5 * SECOND_NS;
 /// How often there are statistics.
 const STATISTICS_PERIOD_NS: i64 = SECOND_NS;
 
-/// The nearest that the ultrasonic sensor measures, metres (`ev3dev-interfaces`, 6.4).
-const NEAREST_M: f64 = 0.03;
-
-/// The farthest, metres; what the map leaves out beyond `max_m` has been measured all the same.
-const FARTHEST_M: f64 = 2.55;
-
-/// `radiation_type` of `sensor_msgs/Range`.
-const ULTRASOUND: u8 = 0;
-const INFRARED: u8 = 1;
+/// A sensor in `sensor_msgs/Range`: its `radiation_type`, and the nearest and the farthest that it
+/// measures, metres (`ev3dev-interfaces`, 6.4); what the map leaves out beyond `max_m` has been
+/// measured all the same.
+const ULTRASOUND: (u8, [f32; 2]) = (0, [0.03, 2.55]);
+const INFRARED: (u8, [f32; 2]) = (1, [0.0, 0.7]);
 
 /// Turns entries into messages of one file.
 #[derive(Debug)]
@@ -311,12 +307,14 @@ impl Encoder {
             Some(Range::TooNear) => f32::NEG_INFINITY,
             None => return Ok(()),
         };
+        let (radiation_type, [min_range, max_range]) =
+            if self.start.infrared { INFRARED } else { ULTRASOUND };
         let message = message::RangeMessage {
             header: self.header(reading.read_ns, FRAME_RANGE),
-            radiation_type: if self.start.infrared { INFRARED } else { ULTRASOUND },
+            radiation_type,
             field_of_view: field_of_view_rad(&sensor) as f32,
-            min_range: NEAREST_M as f32,
-            max_range: FARTHEST_M as f32,
+            min_range,
+            max_range,
             range,
             variance: 0.0,
         };

@@ -51,7 +51,7 @@ pub enum StopReason {
     #[error("lost: {0} (a plug may be loose)")]
     Lost(Channel),
     /// The brick's files are gone, all of them.
-    #[error("the brick's files are gone: what had mounted them, such as onbrick sim, has ended")]
+    #[error("the brick's files are gone: onbrick sim, or what else had mounted them, has ended")]
     Unmounted,
     /// A reading cannot be true: it stands still although what it measures moves (a gyro while the
     /// wheels turn the robot by 60°, a range while the robot drives 0.2 m along its beam, a head's

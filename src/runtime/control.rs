@@ -244,11 +244,13 @@ impl Control<'_> {
     pub fn drive(&mut self) -> StopReason {
         let reason = self.ticks();
         self.robot.stop(StopAction::Brake);
-        self.log(
-            if reason.is_wanted() { Level::Info } else { Level::Error },
-            format_args!("{reason}"),
-        );
         reason
+    }
+
+    /// Notes in the recording why the run ended.
+    pub(super) fn note(&mut self, reason: StopReason) {
+        let level = if reason.is_wanted() { Level::Info } else { Level::Error };
+        self.log(level, format_args!("{reason}"));
     }
 
     fn ticks(&mut self) -> StopReason {

@@ -162,18 +162,21 @@ pub fn execute(
     };
     // Whatever goes wrong inside a tick, the motors are stopped here and the recording is finished.
     let driven = catch_unwind(AssertUnwindSafe(|| control.drive()));
-    let mut tally = control.tally;
-    let stopped = robot.stop(StopAction::Brake);
-    let (reason, stopped) = match driven.unwrap_or(StopReason::Panicked) {
-        // No file is left to stop a motor by: its lease ends.
-        StopReason::Lost(_) if is_gone(&environment.tree) => (StopReason::Unmounted, true),
-        reason => (reason, stopped),
+    let reason = match driven.unwrap_or(StopReason::Panicked) {
+        StopReason::Lost(_) if is_gone(&environment.tree) => StopReason::Unmounted,
+        reason => reason,
     };
+    control.note(reason);
+    let mut tally = control.tally;
+    // Where no file is left to stop a motor by, the guard has none, either: its lease ends.
+    let is_unmounted = reason == StopReason::Unmounted;
+    let stopped = robot.stop(StopAction::Brake) || is_unmounted;
     let mut stop = reason.with(detail(reason, job, &mut robot, &environment.tree));
     if reason.has_a_place() {
         stop.add(&place(&mission, &pilot, &tally.pose));
     }
-    if stopped {
+    // The lock has its name from the brick's files; the guard clears it without them.
+    if stopped && !is_unmounted {
         write_owner(job, &Owner { stopped: true, ..owner(job, mission.name()) });
     }
     report(&Event::Stopped { stop: stop.clone(), stopped });

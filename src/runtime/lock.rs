@@ -23,8 +23,8 @@ use super::open_files;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::printable::{json_line, line};
 
-/// How long one is waited for who only asks whose the hardware is, nanoseconds: some system calls,
-/// and on a busy brick other processes in between.
+/// How long to wait for a process that only reads the owner, nanoseconds: some system calls, and on
+/// a busy brick other processes in between. A process that is refused has waited as long.
 const ASKING_NS: i64 = 100 * MILLISECOND_NS;
 
 /// Who owns the hardware.
@@ -276,21 +276,25 @@ pub(super) fn lock_path(root: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use std::sync::Mutex;
+    use std::sync::atomic::{AtomicI64, Ordering};
 
     use super::*;
     use crate::clock::SECOND_NS;
 
-    /// The lock of who asks, let go as soon as it is waited for.
+    /// A reader's lock, which the first sleep releases. A thousand sleeps are as long as a reader
+    /// is waited for: a process that another test starts has a copy until its program begins.
     #[derive(Debug)]
-    struct Asking(Mutex<Option<Flock<File>>>);
+    struct Asking(Mutex<Option<Flock<File>>>, AtomicI64);
 
     impl Clock for Asking {
         fn now_ns(&self) -> i64 {
-            0
+            self.1.load(Ordering::Relaxed)
         }
 
         fn sleep_until_ns(&self, _deadline_ns: i64) {
             self.0.lock().unwrap().take();
+            MonotonicClock.sleep_ns(MILLISECOND_NS);
+            self.1.fetch_add(ASKING_NS / 1000, Ordering::Relaxed);
         }
     }
 
@@ -299,7 +303,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let open = || File::create(folder.path().join("lock")).unwrap();
         let asking = Flock::lock(open(), FlockArg::LockSharedNonblock).unwrap();
-        let asking = Asking(Mutex::new(Some(asking)));
+        let asking = Asking(Mutex::new(Some(asking)), AtomicI64::new(0));
         locked(open(), FlockArg::LockExclusiveNonblock, &asking, |_| unreachable!()).unwrap();
         assert!(asking.0.lock().unwrap().is_none(), "it had to be waited for");
     }

@@ -230,7 +230,8 @@ pub fn whole_map(run: &Run) -> Result<Grid, ReplayError> {
     Ok(Grid::from(ended(run, grid)?.map().grid()))
 }
 
-/// One occupancy grid of several runs, made again from their senses. An error has the run's place.
+/// One occupancy grid of several runs, made again from their senses. An error has the run's place,
+/// one behind the last where they lie too far apart.
 ///
 /// - `runs`: each with where the origin of its own frame lies in the grid's.
 ///
@@ -252,7 +253,7 @@ pub fn joint_map(runs: &[(&Run, Pose)]) -> Result<Grid, (usize, ReplayError)> {
     }
     let maps: Vec<_> =
         maps.iter().map(|(pilot, keyframes)| (pilot.map(), &keyframes[..])).collect();
-    let grid = joint_grid(&maps).ok_or((0, ReplayError::TooWide))?;
+    let grid = joint_grid(&maps).ok_or((maps.len(), ReplayError::TooWide))?;
     Ok(Grid::from(&grid))
 }
 

@@ -148,7 +148,7 @@ impl From<StoreError> for Refusal {
             StoreError::NoRoom { .. } => {
                 Some("delete something else from the card, or use a larger one")
             }
-            StoreError::Unknown(_) => Some("onbrick runs, which lists those that there are"),
+            StoreError::Unknown(_) => Some("onbrick runs lists them"),
             StoreError::GoingOn(_) => Some("stop it first"),
             _ => None,
         };

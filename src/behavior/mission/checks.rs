@@ -273,8 +273,8 @@ fn stands(root: &Section<'_>, plan: &MachinePlan) {
         }
         if plan.transitions(at).all(|next| next.when.asks_of_the_world()) {
             let message = format!(
-                "state `{}` asks neither for `done` nor for a time: where its motion ends the \
-                 robot stands",
+                "no transition of state `{}` asks for `done` or a time: after its motion the robot \
+                 may wait for ever",
                 state.name
             );
             root.note(state.place.clone(), Severity::Warning, message)

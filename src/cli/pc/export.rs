@@ -115,6 +115,9 @@ fn grid(runs: &[LoadedRun], tracks: &[Track]) -> Result<Grid, Failure> {
         Failure::from_error(Exit::Failed, &format!("cannot replay {name}"), error)
     };
     let [loaded] = runs else {
+        for track in tracks.iter().filter(|track| track.is_apart) {
+            log::warn!("{}: its map fits no other's: it lies by its start alone", track.name);
+        }
         let origins = tracks.iter().map(|track| track.origin);
         let placed: Vec<_> = runs.iter().map(|loaded| &loaded.run).zip(origins).collect();
         return joint_map(&placed).map_err(|(place, error)| {

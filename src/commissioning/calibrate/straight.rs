@@ -102,14 +102,12 @@ fn way(stage: &mut Stage<'_>, way: f64, length_m: f64) -> Result<Vec<[f64; 2]>, 
     let from = stage.rest()?;
     let mut echoes = Echoes::new(way);
     let limit = limit(stage, length_m);
-    let ended = stage.drive(forward(way), limit, |now, senses| echoes.look(now, senses))?;
-    if ended == Ended::Limit || echoes.lost {
-        is_straight(&from, &stage.rest()?)?;
-        if way * echoes.receded_m() > RECEDED_M {
-            return Err(CalibrateError::Exchanged(
-                "the robot drives the other way than it is told",
-            ));
-        }
+    let ended = stage.drive(forward(way), limit, |now, senses| {
+        echoes.look(now, senses) || echoes.recede() || is_astray(&from, now)
+    })?;
+    is_straight(&from, &stage.rest()?)?;
+    if echoes.recede() {
+        return Err(CalibrateError::Exchanged("the robot drives the other way than it is told"));
     }
     if echoes.lost {
         return Err(CalibrateError::WallLost);
@@ -124,9 +122,13 @@ fn way(stage: &mut Stage<'_>, way: f64, length_m: f64) -> Result<Vec<[f64; 2]>, 
     Ok(echoes.points)
 }
 
+fn is_astray(from: &Standing, to: &Standing) -> bool {
+    from.turned_rad(to).abs() > ASTRAY_RAD
+}
+
 /// Refuses a way on which the robot turned.
 fn is_straight(from: &Standing, to: &Standing) -> Result<(), CalibrateError> {
-    if from.turned_rad(to).abs() > ASTRAY_RAD {
+    if is_astray(from, to) {
         return Err(CalibrateError::Exchanged("the robot turns where it is to drive straight"));
     }
     Ok(())
@@ -185,12 +187,15 @@ impl Echoes {
         self.beyond >= 2
     }
 
-    /// How much farther off the last echo is than the first, metres.
-    fn receded_m(&self) -> f64 {
-        match self.points[..] {
-            [[_, first_m], .., [_, last_m]] => last_m - first_m,
-            _ => 0.0,
-        }
+    /// Whether the wall moves the other way than it should: each of the last echoes is farther off
+    /// than each of the first, as one may be wrong, or nearer on the way back.
+    fn recede(&self) -> bool {
+        const SOME: usize = 3;
+        let along = |[_, range_m]: &[f64; 2]| self.way * range_m;
+        let Some((first, rest)) = self.points.split_first_chunk::<SOME>() else { return false };
+        let Some(last) = rest.last_chunk::<SOME>() else { return false };
+        let most = first.iter().map(along).fold(f64::NEG_INFINITY, f64::max);
+        last.iter().map(along).fold(f64::INFINITY, f64::min) - most > RECEDED_M
     }
 }
 

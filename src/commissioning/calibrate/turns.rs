@@ -146,28 +146,33 @@ fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<(Spin, WholeTurns), C
     let from = stage.rest()?;
     let wanted_rad = GYRO_TURNS * 2.0 * PI;
     let limit = limit(stage, wanted_rad, SPIN_RAD_S);
+    let (track_m, circumference_m) =
+        (stage.config().drive.track_width_m, stage.config().drive.wheel_circumference_m);
     let mut heard = WholeTurns::default();
+    let mut is_astray = false;
     let ended = stage.drive(spinning(way * SPIN_RAD_S), limit, |now, senses| {
-        let turned_rad = way * Spin { from, to: *now, way }.gyro_rad();
+        let spin = Spin { from, to: *now, way };
+        let turned_rad = way * spin.gyro_rad();
         if let Some(reading) = senses.get(Channel::Range) {
             heard.hear(turned_rad, reading.value);
         }
-        turned_rad >= wanted_rad
+        // For this turn the wheels would be as far apart as the file says.
+        is_astray = width_m(&spin, circumference_m, way * PI) >= track_m && turned_rad < ASTRAY_RAD;
+        is_astray || turned_rad >= wanted_rad
     })?;
     let to = stage.rest()?;
     let spin = Spin { from, to, way };
-    if ended == Ended::Limit {
+    if ended == Ended::Limit || is_astray {
         if way * spin.gyro_rad() < -ASTRAY_RAD {
             return Err(CalibrateError::Exchanged(
                 "the gyro turns the other way than the wheels, or is upside down",
             ));
         }
-        let config = stage.config();
-        let wheels_rad =
-            width_m(&spin, config.drive.wheel_circumference_m, config.drive.track_width_m);
+        let wheels_rad = width_m(&spin, circumference_m, track_m);
         return Err(CalibrateError::TooFar(format!(
             "the wheels say {:.0} degrees, the gyro {:.0}: are the wheels on the floor, is the \
-             gyro fixed to the robot, flat, and its port right in robot.toml?",
+             gyro fixed to the robot, flat, and are its port and the wheels' `inverted` right in \
+             robot.toml?",
             degrees(wheels_rad),
             degrees(spin.gyro_rad())
         )));

@@ -32,7 +32,7 @@ impl Standing {
     /// Where many of these points lie, in cells of the grid, whatever went through them: a wall
     /// that is met obliquely has no echo, and the beam frees it. Many are [`FEWEST`], and
     /// [`FEWEST_TENTHS`] of the mean of the cells that have any: where more was heard, more of it
-    /// is out of place. On the robot's path nothing stands.
+    /// is out of place. On the robot's path, and a cell beside it, nothing stands.
     pub(in crate::mapping) fn of<'p>(
         grid: &OccupancyGrid,
         points: impl Iterator<Item = &'p MapPoint>,
@@ -50,10 +50,13 @@ impl Standing {
         let stands =
             |count: &u16| *count >= FEWEST && 10 * u64::from(*count) * cells >= FEWEST_TENTHS * all;
         let mut cells: Vec<bool> = counts.iter().map(stands).collect();
-        for place in path {
-            let cell = grid.index(place.x_m, place.y_m).and_then(|place| cells.get_mut(place));
-            if let Some(stands) = cell {
-                *stands = false;
+        for MapPoint { x_m, y_m, .. } in path {
+            let around = [-CELL_M, 0.0, CELL_M];
+            for (dx_m, dy_m) in around.iter().flat_map(|dx| around.map(|dy| (*dx, dy))) {
+                let cell = grid.index(x_m + dx_m, y_m + dy_m);
+                if let Some(stands) = cell.and_then(|place| cells.get_mut(place)) {
+                    *stands = false;
+                }
             }
         }
         Self { first: grid.first, columns: grid.columns, cells }
@@ -75,8 +78,8 @@ impl Standing {
         far_m.into_iter().fold(f64::INFINITY, f64::min) + CELL_M
     }
 
-    /// Whether a reading's echo can lie at a place: what has something else in front of it has come
-    /// by another way.
+    /// Whether a reading's echo can lie at a place: from behind something that stands it has come
+    /// by a detour.
     pub(in crate::mapping) fn is_in_sight(&self, sounding: &Sounding, point: &MapPoint) -> bool {
         let [x_m, y_m] = [point.x_m - sounding.x_m, point.y_m - sounding.y_m];
         let point_m = libm::hypot(x_m, y_m);

@@ -154,7 +154,7 @@ impl DeviceFault {
                 "a touch sensor has no serial line"
             }
             Some(Plugged::Motor(MotorKind::Rcx)) if of_signal => "the motor has no encoder",
-            None => "nothing is plugged in there",
+            None => "the port has no device of its own",
             _ => return Ok(()),
         };
         Err(FaultError::Unfit { port, fault: self.clone(), why })

@@ -240,9 +240,20 @@ fn the_grid_of_several_runs_has_the_floor_of_each() {
     let export = ["export", "left.mcap", "right.mcap", "--format", "pgm", "--out", "both"];
     run(folder.path(), &export).expect(0);
     let both = exported_grid(&folder.path().join("both"));
-    for name in ["left.mcap", "right.mcap"] {
-        let last = Run::open(&folder.path().join(name)).unwrap().poses.last().unwrap().pose;
+    let steps = || (-80..80).map(|step| f64::from(step) * 0.05);
+    let free_of = |grid: &dyn Fn(f64, f64) -> Option<u8>| {
+        steps()
+            .flat_map(|x| steps().map(move |y| grid(x, y)))
+            .filter(|cell| *cell == Some(254))
+            .count()
+    };
+    for name in ["left", "right"] {
+        let recording = format!("{name}.mcap");
+        let last = Run::open(&folder.path().join(&recording)).unwrap().poses.last().unwrap().pose;
         assert_eq!(both(last.x_m, last.y_m), Some(254), "{name}: where it stood");
+        run(folder.path(), &["export", &recording, "--format", "pgm", "--out", name]).expect(0);
+        let [all, own] = [free_of(&both), free_of(&exported_grid(&folder.path().join(name)))];
+        assert!(all > own && own > 100, "{name}: {own} free cells, {all} of both");
     }
 }
 

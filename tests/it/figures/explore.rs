@@ -211,6 +211,7 @@ pub(super) fn judge_cells(grid: &Grid, world: &World) -> [f64; 4] {
     let side_m = grid.resolution_m;
     let cell = |[x_m, y_m]: [f64; 2]| {
         let m = [x_m - grid.origin_m[0], y_m - grid.origin_m[1]];
+        #[expect(clippy::cast_possible_truncation, reason = "within some metres")]
         m.map(|m| (m / side_m).floor() as i32)
     };
     // Wider than half a cell's diagonal: no step crosses a wall.
@@ -374,6 +375,10 @@ fn figures_of_explore() {
         let [least_steady, least] = if is_long { [0.9, 0.8] } else { [0.5; 2] };
         assert!(steady.home[0] >= least_steady, "{name}: {} at home by truth", steady.home[0]);
         assert!(drifting.home[1] >= least, "{name}: {} at home by odometry", drifting.home[1]);
+        for Summary { cells: [at_wall, wall, behind, floor], .. } in [&drifting, &steady] {
+            let is_a_map = *at_wall > 0.75 && *wall > 0.75 && *behind < 0.1 && *floor > 0.9;
+            assert!(is_a_map, "{name}: cells {at_wall}, {wall}, {behind}, {floor}");
+        }
         at_home += drifting.home[1];
         worlds += 1.0;
         runs += usize::try_from(2 * seeds).unwrap();

@@ -14,6 +14,7 @@ use nix::errno::Errno;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use onbrick::clock::VirtualClock;
+use onbrick::recording::Run;
 use onbrick::sim::{EventLayout, Mount, MountError, Simulation, Unfit};
 
 use super::bench::{Mounted, await_or_fail, errno, names, no_fuse, real_time};
@@ -216,6 +217,9 @@ fn a_run_whose_simulator_is_killed_says_so_and_blames_no_plug() {
         let said = run.wait_with_output().unwrap();
         let told = String::from_utf8_lossy(&said.stderr).into_owned();
         pace.ensure(drives && told.contains("the brick's files are gone"), || told.clone());
+        let run = Run::open(&folder.path().join("out/run.mcap")).unwrap();
+        let kept: Vec<&str> = run.logs.iter().map(|log| log.text.as_str()).collect();
+        pace.ensure(![&told[..], &kept.concat()].concat().contains("plug"), || kept.join("; "));
         pace.same("exit code", &said.status.code(), &Some(1));
         umount(&point);
     });

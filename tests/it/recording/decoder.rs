@@ -95,7 +95,7 @@ fn an_independent_decoder_reads_every_message_by_its_own_definition() {
     assert_eq!(transforms[1]["header"]["frame_id"], "base_link");
     assert_eq!(transforms[1]["child_frame_id"], "range_link");
     assert_eq!(transforms[1]["transform"]["translation"]["x"], 0.05);
-    assert_eq!(topics["/range"]["first"]["max_range"], 2.55_f32);
+    assert_eq!(topics["/range"]["first"]["max_range"], 0.7_f32);
     assert_eq!(topics["/range"]["first"]["radiation_type"], 1);
     assert_eq!(topics["/points"]["first"]["fields"][3]["name"], "x_m");
     assert_eq!(topics["/map"]["first"]["data"], serde_json::json!([-1, 0, 100, 50, 0, -1]));

@@ -289,7 +289,8 @@ impl<'d> Reader<'_, 'd, '_> {
             "explore_m" => {
                 if !self.vocabulary.capabilities.has(Role::Gyro) {
                     item.warning("without a gyro the heading is the wheels' alone").hint(
-                        "after five minutes it may be off by 15 degrees, and the map with it",
+                        "plug in a gyro and name it under `[gyro]`; after five minutes without one \
+                         the map may be off by 15 degrees",
                     );
                 }
                 Some(GoalPlan::Explore { within_m: self.number(item, EXPLORE_M)? })
