@@ -19,8 +19,8 @@
 //! `ONBRICK_LONG=1 cargo test --test it figures_of_explore -- --nocapture` prints the third line.
 //! What stood for long and then went away stays in it, as it does among the points, unless the
 //! robot drove there. After five minutes it takes 43 million instructions on x86-64 (`valgrind
-//! --tool=callgrind --toggle-collect='onbrick::mapping::map::drawn*' onbrick replay run.mcap`): some
-//! tenths of a second on a brick, after the robot has stopped, estimated and not measured.
+//! --tool=callgrind --toggle-collect='onbrick::mapping::map::drawn*' onbrick replay run.mcap`):
+//! some tenths of a second on a brick, after the robot has stopped, estimated and not measured.
 //!
 //! # Not here
 //!
