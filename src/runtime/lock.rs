@@ -276,7 +276,7 @@ pub(super) fn lock_path(root: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use std::sync::Mutex;
-    use std::sync::atomic::{AtomicI64, Ordering};
+    use std::sync::atomic::{AtomicI32, Ordering};
 
     use super::*;
     use crate::clock::SECOND_NS;
@@ -284,17 +284,17 @@ mod tests {
     /// A reader's lock, which the first sleep releases. A thousand sleeps are as long as a reader
     /// is waited for: a process that another test starts has a copy until its program begins.
     #[derive(Debug)]
-    struct Asking(Mutex<Option<Flock<File>>>, AtomicI64);
+    struct Asking(Mutex<Option<Flock<File>>>, AtomicI32);
 
     impl Clock for Asking {
         fn now_ns(&self) -> i64 {
-            self.1.load(Ordering::Relaxed)
+            i64::from(self.1.load(Ordering::Relaxed)) * ASKING_NS / 1000
         }
 
         fn sleep_until_ns(&self, _deadline_ns: i64) {
             self.0.lock().unwrap().take();
             MonotonicClock.sleep_ns(MILLISECOND_NS);
-            self.1.fetch_add(ASKING_NS / 1000, Ordering::Relaxed);
+            self.1.fetch_add(1, Ordering::Relaxed);
         }
     }
 
@@ -303,7 +303,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let open = || File::create(folder.path().join("lock")).unwrap();
         let asking = Flock::lock(open(), FlockArg::LockSharedNonblock).unwrap();
-        let asking = Asking(Mutex::new(Some(asking)), AtomicI64::new(0));
+        let asking = Asking(Mutex::new(Some(asking)), AtomicI32::new(0));
         locked(open(), FlockArg::LockExclusiveNonblock, &asking, |_| unreachable!()).unwrap();
         assert!(asking.0.lock().unwrap().is_none(), "it had to be waited for");
     }
