@@ -448,9 +448,9 @@ fn faults_that_a_port_cannot_have_are_refused_with_the_reason() {
         (Port::In1, "endless", "nothing turns there"),
         (Port::OutA, "resync", "it has no serial line"),
         (Port::In2, "stale 10", "a touch sensor has no serial line"),
-        (Port::OutC, "plug", "nothing is plugged in there"),
-        (Port::OutC, "stuck", "nothing is plugged in there"),
-        (Port::OutC, "reset", "nothing is plugged in there"),
+        (Port::OutC, "plug", "the port has no device of its own"),
+        (Port::OutC, "stuck", "the port has no device of its own"),
+        (Port::OutC, "reset", "the port has no device of its own"),
     ] {
         let error =
             rig.bench.simulation.inject(0, port, DeviceFault::parse(text).unwrap()).unwrap_err();
