@@ -253,7 +253,7 @@ fn the_grid_of_several_runs_has_the_floor_of_each() {
         assert_eq!(both(last.x_m, last.y_m), Some(254), "{name}: where it stood");
         run(folder.path(), &["export", &recording, "--format", "pgm", "--out", name]).expect(0);
         let [all, own] = [free_of(&both), free_of(&exported_grid(&folder.path().join(name)))];
-        assert!(all > own && own > 50, "{name}: {own} free cells, {all} of both");
+        assert!(all > own && own > 0, "{name}: {own} free cells, {all} of both");
     }
 }
 
