@@ -514,30 +514,6 @@ mod tests {
     }
 
     #[test]
-    fn where_many_points_lie_something_stands_whatever_went_through_it() {
-        let mut grid = OccupancyGrid::around(&Pose::default()).to_draw();
-        let point = |x_m: f64, y_m: f64| MapPoint { time_ns: 0, x_m, y_m };
-        let wall: Vec<MapPoint> = (0..12).map(|at| point(1.02, f64::from(at / 4) * 0.05)).collect();
-        let stray = [[0.52, 0.0], [0.52, 0.05], [0.52, 0.05], [0.52, 0.05], [99.0, 0.0]]
-            .map(|[x_m, y_m]| point(x_m, y_m));
-        let beyond = sounding(0.0, 0.0, 0.0, Range::Echo(1.8));
-        (0..40).for_each(|_| grid.add(&beyond, 2.0));
-        let at = |grid: &OccupancyGrid| {
-            [[1.02, 0.0], [1.02, 0.1], [0.52, 0.0], [0.52, 0.05]].map(|[x, y]| grid.at(x, y))
-        };
-        assert_eq!(at(&grid), [Cell::Free; 4]);
-        grid.stand(&Standing::of(&grid, wall.iter().chain(&stray), [].into_iter()));
-        let many = [Cell::Occupied, Cell::Occupied, Cell::Free, Cell::Occupied];
-        assert_eq!(at(&grid), many, "one is not many");
-        grid = grid.to_draw();
-        (0..40).for_each(|_| grid.add(&beyond, 2.0));
-        let thrice = [&wall, &wall, &wall].into_iter().flatten();
-        grid.stand(&Standing::of(&grid, thrice.chain(&stray), [].into_iter()));
-        let many = [Cell::Occupied, Cell::Occupied, Cell::Free, Cell::Free];
-        assert_eq!(at(&grid), many, "nor are three, where others have twelve");
-    }
-
-    #[test]
     fn what_lies_outside_is_counted() {
         let mut grid = OccupancyGrid::around(&Pose::default());
         grid.add(&sounding(4.5, 0.0, 0.0, Range::Echo(1.0)), 2.0);

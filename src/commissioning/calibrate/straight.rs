@@ -225,7 +225,7 @@ fn metre(stage: &mut Stage<'_>, way: f64) -> Result<f64, CalibrateError> {
     let metres_per_rad = stage.config().metres_per_rad();
     let from = stage.rest()?;
     stage.drive(forward(way), limit(stage, METRE_M), |now, _| {
-        from.rolled_rad(now).abs() * metres_per_rad >= METRE_M
+        from.rolled_rad(now).abs() * metres_per_rad >= METRE_M || is_astray(&from, now)
     })?;
     let to = stage.rest()?;
     is_straight(&from, &to)?;

@@ -1,5 +1,10 @@
 //! Where something stands for certain in a map that is drawn after the run, and what it hides.
 //!
+//! # Not here
+//!
+//! Which points are of what stands, by what contradicts them ([`crate::mapping::standing()`]): this
+//! counts points in cells.
+//!
 //! # What was tried
 //!
 //! Exploring with two seeds a world: a reading that sees no further than its axis leaves a seam of
@@ -113,7 +118,7 @@ impl Standing {
 mod tests {
     use super::super::tests::sounding;
     use super::*;
-    use crate::mapping::{Pose, Range};
+    use crate::mapping::{Cell, Pose, Range};
 
     fn point(x_m: f64, y_m: f64) -> MapPoint {
         MapPoint { time_ns: 0, x_m, y_m }
@@ -125,6 +130,29 @@ mod tests {
         let points: Vec<MapPoint> =
             (-20..20).map(|at| point(1.02, f64::from(at) * 0.02 + 0.01)).collect();
         Standing::of(&grid, points.iter(), path.iter().copied())
+    }
+
+    #[test]
+    fn where_many_points_lie_something_stands_whatever_went_through_it() {
+        let mut grid = OccupancyGrid::around(&Pose::default()).to_draw();
+        let wall: Vec<MapPoint> = (0..12).map(|at| point(1.02, f64::from(at / 4) * 0.05)).collect();
+        let stray = [[0.52, 0.0], [0.52, 0.05], [0.52, 0.05], [0.52, 0.05], [99.0, 0.0]]
+            .map(|[x_m, y_m]| point(x_m, y_m));
+        let beyond = sounding(0.0, 0.0, 0.0, Range::Echo(1.8));
+        (0..40).for_each(|_| grid.add(&beyond, 2.0));
+        let at = |grid: &OccupancyGrid| {
+            [[1.02, 0.0], [1.02, 0.1], [0.52, 0.0], [0.52, 0.05]].map(|[x, y]| grid.at(x, y))
+        };
+        assert_eq!(at(&grid), [Cell::Free; 4]);
+        grid.stand(&Standing::of(&grid, wall.iter().chain(&stray), [].into_iter()));
+        let many = [Cell::Occupied, Cell::Occupied, Cell::Free, Cell::Occupied];
+        assert_eq!(at(&grid), many, "one is not many");
+        grid = grid.to_draw();
+        (0..40).for_each(|_| grid.add(&beyond, 2.0));
+        let thrice = [&wall, &wall, &wall].into_iter().flatten();
+        grid.stand(&Standing::of(&grid, thrice.chain(&stray), [].into_iter()));
+        let many = [Cell::Occupied, Cell::Occupied, Cell::Free, Cell::Free];
+        assert_eq!(at(&grid), many, "nor are three, where others have twelve");
     }
 
     #[test]

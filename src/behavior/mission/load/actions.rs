@@ -289,8 +289,7 @@ impl<'d> Reader<'_, 'd, '_> {
             "explore_m" => {
                 if !self.vocabulary.capabilities.has(Role::Gyro) {
                     item.warning("without a gyro the heading is the wheels' alone").hint(
-                        "plug in a gyro and name it under `[gyro]`; after five minutes without one \
-                         the map may be off by 15 degrees",
+                        "plug in a gyro and name it under `[gyro]`: the map turns as wheels slip",
                     );
                 }
                 Some(GoalPlan::Explore { within_m: self.number(item, EXPLORE_M)? })
