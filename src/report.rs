@@ -31,7 +31,7 @@ pub(crate) use canvas::png_file;
 use crate::clock::seconds;
 use crate::mapping::{self, MapPoint, Method, Misfit, Pose, Sight, Testimony, Wall};
 use crate::printable;
-use crate::recording::Run;
+use crate::recording::{Grid, Run};
 use crate::sim::Paint;
 
 /// What there is to see of one or several runs, in one world frame.
@@ -68,6 +68,8 @@ pub struct Track {
     pub points: Vec<MapPoint>,
     /// What it found that does not stand: not drawn and not exported, but walls are tried by it.
     pub doubted: Vec<MapPoint>,
+    /// Its occupancy grid, in the run's own frame: what is free of it is drawn as floor.
+    pub grid: Option<Grid>,
     /// The estimator that placed the points.
     pub method: Method,
     /// Where the origin of the run's own frame lies in the scene's.
@@ -136,6 +138,7 @@ impl Track {
                 .collect(),
             points: cloud(standing),
             doubted: cloud(doubted),
+            grid: run.map.clone(),
             method: run.info.as_ref().map(|info| info.method).unwrap_or_default(),
             origin: Pose::default(),
             is_apart: false,
@@ -165,6 +168,15 @@ impl Track {
         for point in self.points.iter_mut().chain(&mut self.doubted) {
             [point.x_m, point.y_m] = by.place(point.x_m, point.y_m);
         }
+    }
+
+    /// The floor that it found free, the corners of rectangles, metres.
+    fn free(&self) -> impl Iterator<Item = [[f64; 2]; 4]> {
+        let free = self.grid.as_ref().map(Grid::free).unwrap_or_default();
+        free.into_iter().map(|[[left, low], [right, high]]| {
+            [[left, low], [right, low], [right, high], [left, high]]
+                .map(|[x_m, y_m]| self.origin.place(x_m, y_m))
+        })
     }
 
     /// Points with the places that they were seen from.

@@ -14,8 +14,8 @@
 //!
 //! # Not here
 //!
-//! No joining of walls to rooms and no corners. Nothing that is shorter than half a metre: of such
-//! stretches most are of posts and corners.
+//! No joining of walls to rooms: where two meet they end ([`corners`]), and that is all. Nothing
+//! that is shorter than half a metre: of such stretches most are of posts and corners.
 //!
 //! # What we count on
 //!
@@ -31,6 +31,7 @@
 //!   fullest one within 6 cm: in real scans 72 % of the walls found are right for 84 %.
 
 mod ballot;
+mod corners;
 
 use super::{Sight, standing};
 use crate::units::{count, floored};
@@ -134,7 +135,7 @@ const COMMON_RAD: f64 = 0.03;
 #[must_use]
 pub fn walls(sights: &[Sight]) -> Vec<Wall> {
     let some: Vec<Sight> = part(sights).copied().collect();
-    walls_of(&some, &standing(&some))
+    corners::met(&walls_of(&some, &standing(&some)))
 }
 
 /// An even part of things, no more than [`MOST`].

@@ -1,7 +1,10 @@
 //! An occupancy grid as `nav_msgs/OccupancyGrid`.
 
+use std::ops::Range;
+
 use super::message::{Header, OccupancyGridMessage, Pose3, Quaternion, Vector3};
 use crate::mapping::{Cell, OccupancyGrid};
+use crate::units::count;
 
 /// An occupancy grid.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -67,6 +70,43 @@ impl Grid {
         (from_x_m..from_x_m + side_m(self.width)).contains(&x_m)
             && (from_y_m..from_y_m + side_m(self.height)).contains(&y_m)
     }
+
+    /// Whether a cell counts as free: at most 19 percent sure to be occupied, less than Nav2's grey
+    /// for "unknown" says.
+    pub(crate) fn is_free(cell: i8) -> bool {
+        (0..20).contains(&cell)
+    }
+
+    /// What is free, as rectangles that do not overlap: two opposite corners each, metres.
+    #[must_use]
+    pub fn free(&self) -> Vec<[[f64; 2]; 2]> {
+        let width = usize::try_from(self.width).unwrap_or(0).max(1);
+        let place = |[column, row]: [usize; 2]| {
+            let [x_m, y_m] = self.origin_m;
+            [x_m + count(column) * self.resolution_m, y_m + count(row) * self.resolution_m]
+        };
+        // Of each rectangle that the row before ends: its columns, and its first row.
+        let mut open: Vec<(Range<usize>, usize)> = Vec::new();
+        let mut free = Vec::new();
+        let is_free = |cell: &i8| Self::is_free(*cell);
+        let rows = self.cells.chunks(width).chain([&[][..]]).enumerate();
+        for (row, cells) in rows {
+            let mut column = 0;
+            let mut next = Vec::new();
+            for stretch in cells.chunk_by(|a, b| is_free(a) == is_free(b)) {
+                let columns = column..column + stretch.len();
+                column = columns.end;
+                if stretch.first().is_some_and(is_free) {
+                    let before = open.iter().position(|(other, _)| *other == columns);
+                    next.push(before.map_or((columns, row), |place| open.swap_remove(place)));
+                }
+            }
+            for (columns, first) in std::mem::replace(&mut open, next) {
+                free.push([place([columns.start, first]), place([columns.end, row])]);
+            }
+        }
+        free
+    }
 }
 
 fn percent(grid: &OccupancyGrid, column: usize, row: usize) -> i8 {
@@ -119,6 +159,7 @@ fn rounded(single: f32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::{collection, prelude::*};
 
     #[test]
     fn trimmed_a_grid_has_all_that_is_known_at_its_place() {
@@ -131,5 +172,30 @@ mod tests {
         let nothing = Grid { cells: vec![-1; 4], width: 2, height: 2, ..Grid::default() };
         assert_eq!(nothing.clone().trimmed(), nothing);
         assert_eq!(Grid::default().trimmed(), Grid::default());
+    }
+
+    proptest! {
+        #[test]
+        fn the_free_rectangles_have_each_free_cell_once(
+            (width, cells) in (1_usize..7, 0_usize..7).prop_flat_map(|(width, height)| {
+                let cell = prop_oneof![Just(-1_i8), Just(0), Just(19), Just(20), Just(100)];
+                (Just(width), collection::vec(cell, width * height))
+            }),
+        ) {
+            let size = |cells: usize| u32::try_from(cells).unwrap();
+            let (width, height) = (size(width), size(cells.len() / width));
+            let grid = Grid { width, height, resolution_m: 0.5, origin_m: [-1.0, 2.0], cells };
+            let free = grid.free();
+            let middle = |place: u32, from_m: f64| from_m + 0.5 * (f64::from(place) + 0.5);
+            let places = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
+            for ([x, y], cell) in places.zip(&grid.cells) {
+                let at_m = [middle(x, -1.0), middle(y, 2.0)];
+                let has = |[low, high]: &&[[f64; 2]; 2]| {
+                    (0..2).all(|axis| (low[axis]..high[axis]).contains(&at_m[axis]))
+                };
+                let expected = usize::from([0, 19].contains(cell));
+                prop_assert_eq!(free.iter().filter(has).count(), expected, "{:?}", at_m);
+            }
+        }
     }
 }

@@ -94,8 +94,8 @@ pub fn ply(tracks: &[Track]) -> String {
 
 /// An occupied cell at least so sure, as Nav2 writes it.
 const OCCUPIED_THRESHOLD: f64 = 0.65;
-/// A free cell at most so sure. Grey 205, by which Nav2's own tools write "unknown", is 0.19607…:
-/// it must lie above.
+/// A free cell at most so sure ([`Grid::is_free`]). Grey 205, by which Nav2's own tools write
+/// "unknown", is 0.19607…: it must lie above.
 const FREE_THRESHOLD: f64 = 0.196;
 
 /// A comment that tells a map of ours from those of other programs, which have the same names.
@@ -129,13 +129,12 @@ pub fn nav2_yaml(grid: &Grid, image: &str) -> String {
 
 /// A cell's grey: what lies between the thresholds is unknown.
 fn grey(cell: i8) -> u8 {
-    let certainty = f64::from(cell) / 100.0;
-    if cell < 0 || (certainty > FREE_THRESHOLD && certainty < OCCUPIED_THRESHOLD) {
-        205
-    } else if certainty >= OCCUPIED_THRESHOLD {
+    if Grid::is_free(cell) {
+        254
+    } else if f64::from(cell) / 100.0 >= OCCUPIED_THRESHOLD {
         0
     } else {
-        254
+        205
     }
 }
 

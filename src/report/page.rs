@@ -11,7 +11,7 @@
 
 use serde_json::{Value, json};
 
-use super::plot::pale;
+use super::plot::{FREE, pale};
 use super::{PathPoint, Scene, Track, colours, is_single, thinned};
 use crate::clock::seconds;
 use crate::page::inside_script;
@@ -38,6 +38,7 @@ fn data(scene: &Scene) -> Value {
     let [low, high] = scene.bounds();
     json!({
         "single": is_single(scene),
+        "freeColour": web_colour(FREE),
         "low": low,
         "high": high,
         "duration": rounded_to(scene.duration_s(), 1e3),
@@ -98,6 +99,7 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
             .into_iter()
             .flat_map(of_path)
             .collect::<Vec<_>>(),
+        "free": track.free().map(|corners| outline(&corners)).collect::<Vec<_>>(),
         "truth": true_path(&track.truth),
         "points": track
             .points

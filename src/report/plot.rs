@@ -24,6 +24,8 @@ const AXIS: f64 = 52.0;
 const ROW: f64 = 24.0;
 
 const WALL: RGBColor = RGBColor(0x9a, 0xa1, 0xa9);
+/// Free floor, red, green, blue.
+pub(super) const FREE: [u8; 3] = [0xe4, 0xf0, 0xe6];
 const BLOCK: RGBColor = RGBColor(0xe9, 0xeb, 0xee);
 const EDGE: RGBColor = RGBColor(0x6b, 0x73, 0x7c);
 
@@ -141,6 +143,9 @@ impl Drawing for Picture<'_> {
     }
 
     fn draw(&self, canvas: &mut Canvas) {
+        for corners in self.scene.tracks.iter().flat_map(Track::free) {
+            canvas.polygon(&self.placed(corners), rgb(FREE));
+        }
         for mark in &self.scene.marks {
             self.floor_mark(canvas, mark);
         }
@@ -259,6 +264,10 @@ impl Picture<'_> {
             canvas.dot([x + step, row], 2.3, points);
         }
         x = word(canvas, "points", x + 30.0);
+        if self.scene.tracks.iter().any(|track| track.free().next().is_some()) {
+            canvas.rectangle([x, row - 6.0], [x + 26.0, row + 6.0], rgb(FREE));
+            x = word(canvas, "free floor", x + 34.0);
+        }
         if !self.scene.walls.is_empty() {
             x = line(canvas, x, INK, 4.5, "walls found");
         }

@@ -7,6 +7,7 @@ use crate::cli::folder::DRAWN;
 use crate::cli::{Context, Exit, Failure};
 use crate::printable;
 use crate::report::{Scene, Track, export, plot};
+use crate::runtime::whole_map;
 use crate::sim::{Room, World};
 use crate::units::{counted, degrees};
 
@@ -14,6 +15,10 @@ use crate::units::{counted, degrees};
 pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
     let mut tracks: Vec<Track> =
         runs.iter().map(|loaded| Track::of_run(&loaded.run, &loaded.name)).collect();
+    for (track, loaded) in tracks.iter_mut().zip(runs) {
+        // Where the robot left the recorded grid, or nothing was recorded, it is made again.
+        track.grid = whole_map(&loaded.run).ok().or(track.grid.take());
+    }
     tell_apart(&mut tracks, runs);
     let title = title.map_or_else(|| title_of(&tracks, runs), str::to_owned);
     let mut scene = Scene { title, tracks, ..Scene::default() };
