@@ -187,7 +187,7 @@ fn described() -> clap::Command {
         let about = command.get_about().map(|about| about.to_string().replace('\n', " "));
         let command = command.about(about.unwrap_or_default()).mut_args(|argument| {
             let has_value = argument.get_action().takes_values() && !argument.is_positional();
-            argument.allow_negative_numbers(has_value)
+            if has_value { argument.allow_negative_numbers(true) } else { argument }
         });
         command.mut_subcommands(flowing)
     }

@@ -311,7 +311,8 @@ impl Scene {
         let walls = self.outlines.iter().chain(&self.edges).flatten().copied();
         let marks = self.marks.iter().flat_map(|mark| mark.points.iter().copied());
         let truth = self.tracks.iter().flat_map(|track| track.truth.iter().copied());
-        let places = paths.chain(points).chain(walls).chain(marks).chain(truth);
+        let free = self.tracks.iter().flat_map(Track::free).flatten();
+        let places = paths.chain(points).chain(walls).chain(marks).chain(truth).chain(free);
         let [low, high] = crate::units::bounds(places.filter(|[x_m, y_m]| is_near(*x_m, *y_m)));
         if low[0] > high[0] { [[-0.5; 2], [0.5; 2]] } else { [low, high] }
     }
@@ -346,13 +347,18 @@ const OKABE_ITO: [[u8; 3]; 7] = [
 /// A single robot's: a blue path among vermilion points.
 const SINGLE: Colours = Colours { path: OKABE_ITO[0], points: OKABE_ITO[5] };
 
-/// The colours of one of this many tracks: a robot's path is darker than its points.
+/// The colours of one of this many tracks: a robot's path is darker than its points. From the
+/// eighth on both are lighter than those of the first seven.
 fn colours(place: usize, tracks: usize) -> Colours {
     if tracks <= 1 {
         return SINGLE;
     }
-    let points = OKABE_ITO[place % OKABE_ITO.len()];
-    Colours { path: points.map(|part| part / 2 + part / 16), points }
+    let own = OKABE_ITO[place % OKABE_ITO.len()];
+    if (place / OKABE_ITO.len()).is_multiple_of(2) {
+        Colours { path: own.map(|part| part / 2 + part / 16), points: own }
+    } else {
+        Colours { path: own, points: own.map(|part| 255 - (255 - part) / 2) }
+    }
 }
 
 /// Whether a track's colours stand for its robot, as they do where there are several.

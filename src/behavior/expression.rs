@@ -283,9 +283,18 @@ impl Expression {
     /// The number that it always is, where it is made of nothing but numbers; not finite where
     /// it divides by zero.
     pub(super) fn always(&self) -> Option<f64> {
+        let takes_a_name = self.ops.iter().any(|op| matches!(op, Op::Named { .. }));
+        if takes_a_name { None } else { self.in_a_run() }
+    }
+
+    /// The number that it is in a whole run, where it is made of nothing but numbers and the
+    /// mission's own numbers, as they are now.
+    pub(super) fn in_a_run(&self) -> Option<f64> {
         let is_fixed = |op: &Op| match op {
             Op::Call { function, .. } => function.is_pure(),
-            op => matches!(op, Op::Number(_) | Op::Negate | Op::Infix(_)),
+            op => {
+                matches!(op, Op::Number(_) | Op::Named { .. } | Op::Negate | Op::Infix(_))
+            }
         };
         if !self.ops.iter().all(is_fixed) {
             return None;

@@ -136,6 +136,7 @@ use std::fmt;
 
 use super::Taken;
 use super::engine::{EngineError, Finish};
+use super::expression::Expression;
 use super::signals::Capabilities;
 use super::tune::Tune;
 use crate::document::{Document, Findings, nearest_or_all};
@@ -165,6 +166,8 @@ pub struct Mission {
     variables: Vec<(String, f64)>,
     /// What variables begin with that do not begin with a number, in the order of the file.
     firsts: Vec<Assignment>,
+    /// The parts that its numbers can bring out of their limits.
+    bounded: Vec<Bounded>,
     machines: Vec<MachinePlan>,
     tunes: Vec<Tune>,
     motors: Vec<String>,
@@ -237,6 +240,36 @@ pub enum SetError {
         /// The most it can be.
         high: f64,
     },
+    /// A part of the mission that is made of its numbers is beyond what that part may be.
+    #[error("`{path}` comes to {value}; it can be {low} to {high}")]
+    Beyond {
+        /// Where it is in the file.
+        path: String,
+        /// The value.
+        value: f64,
+        /// The least it can be.
+        low: f64,
+        /// The most it can be.
+        high: f64,
+    },
+}
+
+/// A part of the mission that is made of its own numbers.
+#[derive(Debug, Clone, PartialEq)]
+struct Bounded {
+    path: String,
+    expression: Expression,
+    low: f64,
+    high: f64,
+}
+
+impl Bounded {
+    /// Whether it is beyond its limits with the numbers as they are now.
+    fn beyond(&self) -> Option<SetError> {
+        let (low, high) = (self.low, self.high);
+        let value = self.expression.in_a_run().filter(|value| !(low..=high).contains(value))?;
+        Some(SetError::Beyond { path: self.path.clone(), value, low, high })
+    }
 }
 
 impl Mission {
@@ -305,10 +338,21 @@ impl Mission {
         }
         let firsts = self.firsts.iter_mut().map(|first| &mut first.value);
         let machines = self.machines.iter_mut().flat_map(MachinePlan::expressions_mut);
-        for expression in firsts.chain(machines) {
+        let bounded = self.bounded.iter_mut().map(|bounded| &mut bounded.expression);
+        for expression in firsts.chain(machines).chain(bounded) {
             expression.set(name, value);
         }
         Ok(())
+    }
+
+    /// Whether all parts of the mission are within what they may be, with the numbers that were
+    /// set.
+    ///
+    /// # Errors
+    ///
+    /// [`SetError::Beyond`], the first.
+    pub fn within_limits(&self) -> Result<(), SetError> {
+        self.bounded.iter().find_map(Bounded::beyond).map_or(Ok(()), Err)
     }
 
     /// The mission's name.

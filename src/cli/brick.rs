@@ -77,25 +77,55 @@ impl MissionBrick {
 
 /// Refuses where there is nothing to set up or to measure.
 pub(super) fn brick_is_there(tree: &std::sync::Arc<dyn Tree>) -> Result<(), Failure> {
-    // What cannot be read is said where it is used.
+    let refused = || Err(Failure { exit: Exit::Refused, ..no_brick(tree.root()) });
     match Inventory::read(tree) {
-        Ok(found) if found.is_empty() => {
-            Err(Failure { exit: Exit::Refused, ..no_brick(tree.root()) })
-        }
+        Ok(found) if found.is_empty() => refused(),
+        Err(_) if is_dead(tree.root()) => refused(),
+        // What cannot be read is said where it is used.
         _ => Ok(()),
     }
 }
 
+/// Whether the program behind a mounted brick is gone.
+pub(super) fn is_dead(root: &Path) -> bool {
+    let errno = root.metadata().err().and_then(|error| error.raw_os_error());
+    errno == Some(nix::libc::ENOTCONN)
+}
+
 /// Below this folder is no brick.
 pub(super) fn no_brick(root: &Path) -> Failure {
-    let root = root.display();
-    Failure::failed(format!(
-        "there is no brick below {root}: no devices of ev3dev in its sys/class"
-    ))
-    .hint(if cfg!(feature = "sim") {
+    let shown = root.display();
+    if is_dead(root) {
+        return Failure::failed(format!("the simulated brick that was mounted at {shown} is gone"))
+            .hint(format!("umount {shown}, and onbrick sim {shown} once more"));
+    }
+    let failure = Failure::failed(format!(
+        "there is no brick below {shown}: no devices of ev3dev in its sys/class"
+    ));
+    if root.join("1/sys/class").is_dir() {
+        return failure.hint(format!(
+            "{}, the first of several that are mounted there",
+            root.join("1").display()
+        ));
+    }
+    failure.hint(if cfg!(feature = "sim") {
         "run this on the brick; or onbrick sim FOLDER, which mounts a simulated one, and then \
          --brick FOLDER here"
     } else {
         "run this on the brick, or give --brick the folder where one is mounted"
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_folder_of_several_bricks_is_told_from_that_of_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let hint = || no_brick(folder.path()).hint.unwrap();
+        assert!(hint().contains("onbrick sim FOLDER"), "{}", hint());
+        std::fs::create_dir_all(folder.path().join("1/sys/class")).unwrap();
+        assert!(hint().starts_with(folder.path().join("1").to_str().unwrap()), "{}", hint());
+    }
 }

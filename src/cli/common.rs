@@ -35,7 +35,8 @@ pub(super) fn make_folder(exit: Exit, folder: &Path) -> Result<(), Failure> {
 }
 
 /// The way out where a file or a folder cannot be made.
-pub(super) const WRITABLE: &str = "a name in a folder that is there and can be written to";
+pub(super) const WRITABLE: &str =
+    "a name in a folder that is there and can be written to, on a disk with room";
 
 /// A robot's file as it was read, and what it says.
 #[derive(Debug)]

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::brick::BrickFiles;
+use super::brick::{BrickFiles, is_dead, no_brick};
 use super::common::{chosen_robot, read_robot};
 use super::terminal::stop_flags;
 use super::{Failure, Output};
@@ -56,6 +56,9 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         missions: arguments.missions.as_deref(),
         wall_ns: wall_ns(),
     };
+    if is_dead(arguments.brick.root()) {
+        return Err(no_brick(arguments.brick.root()));
+    }
     let diagnosis = examine(&patient);
     for checked in &diagnosis.checks {
         output.show(checked.to_string(), checked);

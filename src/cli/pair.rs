@@ -12,11 +12,12 @@ use super::{Exit, Failure, Output};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::commissioning::Dialogue as _;
 #[cfg(feature = "host")]
-use crate::link::pairing::{Introduced, names_a_port};
+use crate::link::client::Silence;
 #[cfg(feature = "host")]
+use crate::link::pairing::{Introduced, names_a_port};
 use crate::link::{ClientError, KnownBrick, KnownBricks};
 #[cfg(feature = "host")]
-use crate::protocol::Name;
+use crate::protocol::{Kind, Name};
 use crate::protocol::{LocalOnly, Pairing};
 use crate::service::client::{Client, ClientError as LocalError};
 use crate::service::config::BRICK_FOLDER;
@@ -141,18 +142,24 @@ fn not_introduced(host: &str, error: &ClientError) -> Failure {
         ClientError::Refused(_) | ClientError::NotAuthorised { .. } => Exit::Refused,
         _ => Exit::Failed,
     };
-    Failure::from_error(exit, &format!("{host} was not introduced"), error).hint(
-        if names_a_port(host) {
-            format!(
-                "is the port in {host} the brick's `pairing_port`, and not its `port`? Open the \
-                 pairing window first: in its menu, or `onbrick pair` there"
-            )
-        } else {
-            "open the pairing window on the brick first: in its menu, or `onbrick pair` there; \
-             HOST:PORT, if its onbrick.toml has another `pairing_port` than 5671"
+    let hint = match error {
+        ClientError::Refused(refusal) if refusal.kind == Kind::NotAuthorised => {
+            "the same once more; where the codes differ again, another machine answers in the \
+             brick's place: pair over a cable, or in another network"
                 .to_owned()
-        },
-    )
+        }
+        ClientError::NoAnswer { silence: Silence::NoSuchName, .. } => {
+            "the brick's address, which its menu shows".to_owned()
+        }
+        _ if names_a_port(host) => format!(
+            "is the port in {host} the brick's `pairing_port`, and not its `port`? Open the \
+             pairing window first: in its menu, or `onbrick pair` there"
+        ),
+        _ => "open the pairing window on the brick first: in its menu, or `onbrick pair` there; \
+              HOST:PORT, if its onbrick.toml has another `pairing_port` than 5671"
+            .to_owned(),
+    };
+    Failure::from_error(exit, &format!("{host} was not introduced"), error).hint(hint)
 }
 
 /// The brick's side, for a brick whose menu is not at hand.

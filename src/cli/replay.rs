@@ -89,8 +89,12 @@ fn remake(run: &Path, robot: &Path, out: &Path, output: &mut Output) -> Result<(
     let recorded = open_run(run)?.run;
     must_be_new(out)?;
     let robot = load_robot(Some(robot))?;
-    let made = replay_with(&recorded, &robot.source, out)
-        .map_err(|error| failure(&format!("cannot make {}", out.display()), &error))?;
+    let made = replay_with(&recorded, &robot.source, out).map_err(|error| {
+        let failure = failure(&format!("cannot make {}", out.display()), &error);
+        // A part of a run is none that was asked for, and would be in the way of the next try.
+        let began = std::fs::remove_file(out).is_ok();
+        if began { Failure { exit: Exit::Failed, ..failure } } else { failure }
+    })?;
     output.show(format!("{made}\nrecorded in {}", out.display()), &made);
     Ok(())
 }

@@ -142,6 +142,7 @@ fn prepare(
             Failure::from_error(Exit::Usage, &format!("--set {name}={value}"), &error)
         })?;
     }
+    mission.within_limits().map_err(|error| Failure::from_error(Exit::Usage, "--set", &error))?;
     let (brick, start) = brick(arguments, chosen.is_some().then_some(&robot.config))?;
     let start = arguments.pose.map_or(start, |[x_m, y_m, deg]| Pose {
         x_m,

@@ -134,7 +134,7 @@ enum SimCommand {
         /// Where the brick is mounted: with several robots, the folder of one.
         brick: PathBuf,
         /// What is to go wrong, and where.
-        #[arg(required = true)]
+        #[arg(required = true, allow_negative_numbers = true)]
         order: Vec<String>,
     },
     /// Press buttons of a mounted brick, all at once: back, enter, up, left, right, down.
@@ -205,7 +205,11 @@ fn order(brick: &Path, order: &str, output: &mut Output) -> Result<(), Failure> 
             "there is no simulated brick mounted at {}",
             brick.display()
         ))
-        .hint("onbrick sim FOLDER, and then the same folder here"));
+        .hint(if brick.join("1/sim/orders").exists() {
+            format!("{}, the first of the several that are", brick.join("1").display())
+        } else {
+            "onbrick sim FOLDER, and then the same folder here".to_owned()
+        }));
     }
     let written = std::fs::write(&file, order);
     written
@@ -285,7 +289,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 /// Says how long it was, and what was done to the robots on purpose.
 fn tell_end(simulation: &Simulation, unmounted_by_others: bool, output: &mut Output) {
     let (simulated_s, lost_s) = (seconds(simulation.now_ns()), seconds(simulation.lost_ns()));
-    let lost = if lost_s > 0.0 {
+    let lost = if lost_s >= 0.05 {
         format!(", and {lost_s:.1} s were lost: this machine was too slow")
     } else {
         String::new()

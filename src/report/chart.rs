@@ -290,13 +290,15 @@ impl Chart<'_> {
             // What there is no room for is in the page, and in the table.
             let next = marks.get(index + 1).map_or(WIDTH - RIGHT, |next| self.x(next.time_s) - 4.0);
             let width = canvas.text_width(&mark.text, 12.0);
+            let mut end = x + 4.0;
             if width + 12.0 < next - x {
                 canvas.text(&mark.text, [x + 7.0, middle], 12.0, INK, LEFT_MIDDLE);
+                end = x + 7.0 + width;
             } else if index + 1 == marks.len() && width + 12.0 < x - last {
                 let right = (HPos::Right, VPos::Center);
                 canvas.text(&mark.text, [x - 7.0, middle], 12.0, INK, right);
             }
-            last = x + 4.0;
+            last = end;
         }
     }
 

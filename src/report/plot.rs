@@ -78,7 +78,9 @@ impl Layout {
         let plot = [width, (width * span[1] / span[0]).clamp(260.0, 860.0)];
         let scale = (plot[0] / span[0]).min(plot[1] / span[1]);
         let low = [0, 1].map(|axis| (low[axis] + high[axis] - plot[axis] / scale) / 2.0);
-        let rows = if is_single(scene) { 1.0 } else { 1.0 + rows_of_names(scene) };
+        let symbols = symbols(scene).len().div_ceil(SYMBOLS_IN_A_ROW);
+        let names = scene.tracks.len().div_ceil(NAMES_IN_A_ROW);
+        let rows = count(symbols + if is_single(scene) { 0 } else { names });
         Self { low, scale, plot, height: TOP + plot[1] + AXIS + rows * ROW + 10.0 }
     }
 
@@ -101,11 +103,8 @@ impl Layout {
     }
 }
 
-/// Rows of robots' names in the legend.
-fn rows_of_names(scene: &Scene) -> f64 {
-    count(scene.tracks.len().div_ceil(NAMES_IN_A_ROW))
-}
-
+/// How much of the legend fits into one row.
+const SYMBOLS_IN_A_ROW: usize = 8;
 const NAMES_IN_A_ROW: usize = 4;
 
 /// The longest name that has room in the legend, letters.
@@ -234,52 +233,18 @@ impl Picture<'_> {
     }
 
     fn legend(&self, canvas: &mut Canvas) {
-        let row = TOP + self.layout.plot[1] + AXIS + ROW / 2.0;
-        self.legend_of_symbols(canvas, row);
+        let mut row = TOP + self.layout.plot[1] + AXIS + ROW / 2.0;
+        for symbols in symbols(self.scene).chunks(SYMBOLS_IN_A_ROW) {
+            let mut x = LEFT;
+            for (symbol, word) in symbols {
+                x += symbol.draw(canvas, x, row) + 8.0;
+                canvas.text(word, [x, row], 14.0, INK, LEFT_MIDDLE);
+                x += canvas.text_width(word, 14.0) + 22.0;
+            }
+            row += ROW;
+        }
         if !is_single(self.scene) {
-            self.legend_of_robots(canvas, row);
-        }
-    }
-
-    fn legend_of_symbols(&self, canvas: &mut Canvas, row: f64) {
-        let (path, points) = match is_single(self.scene) {
-            true => (rgb(self.colours(0).path), rgb(self.colours(0).points)),
-            false => (SOFT, SOFT),
-        };
-        // A word of the legend; where the next entry begins.
-        let word = |canvas: &mut Canvas, word: &str, x: f64| {
-            canvas.text(word, [x, row], 14.0, INK, LEFT_MIDDLE);
-            x + canvas.text_width(word, 14.0) + 22.0
-        };
-        let line = |canvas: &mut Canvas, x: f64, colour: RGBColor, width: f64, name: &str| {
-            canvas.line(&[[x, row], [x + 26.0, row]], colour, width);
-            word(canvas, name, x + 34.0)
-        };
-        let mut x = line(canvas, LEFT, path, 2.5, "path");
-        if self.scene.tracks.iter().any(|track| track.truth.len() > 1) {
-            canvas.dashed(&[[x, row], [x + 26.0, row]], INK, 1.2, 5.0);
-            x = word(canvas, "true path", x + 34.0);
-        }
-        for step in [4.0, 12.0, 20.0] {
-            canvas.dot([x + step, row], 2.3, points);
-        }
-        x = word(canvas, "points", x + 30.0);
-        if self.scene.tracks.iter().any(|track| track.free().next().is_some()) {
-            canvas.rectangle([x, row - 6.0], [x + 26.0, row + 6.0], rgb(FREE));
-            x = word(canvas, "free floor", x + 34.0);
-        }
-        if !self.scene.walls.is_empty() {
-            x = line(canvas, x, INK, 4.5, "walls found");
-        }
-        start_mark(canvas, [x + 6.0, row]);
-        x = word(canvas, "start", x + 20.0);
-        end_mark(canvas, [x + 8.0, row], 0.0);
-        x = word(canvas, "end", x + 26.0);
-        if !self.scene.outlines.is_empty() {
-            x = line(canvas, x, WALL, 3.0, "walls");
-        }
-        if !self.scene.edges.is_empty() {
-            line(canvas, x, EDGE, 2.0, "edge of the floor");
+            self.legend_of_robots(canvas, row - ROW);
         }
     }
 
@@ -299,6 +264,67 @@ impl Picture<'_> {
             x += self.layout.plot[0] / 4.0;
         }
     }
+}
+
+/// What a word of the legend is for.
+#[derive(Debug, Clone, Copy)]
+enum Symbol {
+    /// A line of a colour and a width.
+    Line(RGBColor, f64),
+    Dashes,
+    Dots(RGBColor),
+    Area(RGBColor),
+    Start,
+    End,
+}
+
+impl Symbol {
+    /// Draws it from `x` on in the middle of a row, and gives its width.
+    fn draw(self, canvas: &mut Canvas, x: f64, row: f64) -> f64 {
+        const WIDE: f64 = 26.0;
+        let line = [[x, row], [x + WIDE, row]];
+        match self {
+            Self::Line(colour, width) => canvas.line(&line, colour, width),
+            Self::Dashes => canvas.dashed(&line, INK, 1.2, 5.0),
+            Self::Dots(colour) => {
+                [4.0, 12.0, 20.0].iter().for_each(|step| canvas.dot([x + step, row], 2.3, colour));
+            }
+            Self::Area(colour) => {
+                canvas.rectangle([x, row - 6.0], [x + WIDE, row + 6.0], colour);
+            }
+            Self::Start => {
+                start_mark(canvas, [x + 6.0, row]);
+                return 12.0;
+            }
+            Self::End => {
+                end_mark(canvas, [x + 8.0, row], 0.0);
+                return 18.0;
+            }
+        }
+        WIDE
+    }
+}
+
+/// The legend's symbols, of what the scene has.
+fn symbols(scene: &Scene) -> Vec<(Symbol, &'static str)> {
+    let Colours { path, points } = colours(0, scene.tracks.len());
+    let of_robots = |colour| if is_single(scene) { rgb(colour) } else { SOFT };
+    let any = |has: fn(&Track) -> bool| scene.tracks.iter().any(has);
+    let all = [
+        (true, Symbol::Line(of_robots(path), 2.5), "path"),
+        (any(|track| track.truth.len() > 1), Symbol::Dashes, "true path"),
+        (true, Symbol::Dots(of_robots(points)), "points"),
+        (any(|track| track.free().next().is_some()), Symbol::Area(rgb(FREE)), "free floor"),
+        (!scene.walls.is_empty(), Symbol::Line(INK, 4.5), "walls found"),
+        (true, Symbol::Start, "start"),
+        (true, Symbol::End, "end"),
+        (!scene.outlines.is_empty(), Symbol::Line(WALL, 3.0), "walls"),
+        (!scene.edges.is_empty(), Symbol::Line(EDGE, 2.0), "edge of the floor"),
+    ];
+    all.into_iter()
+        .filter(|(is_there, ..)| *is_there)
+        .map(|(_, symbol, word)| (symbol, word))
+        .collect()
 }
 
 fn start_mark(canvas: &mut Canvas, place: [f64; 2]) {
@@ -337,6 +363,8 @@ pub(super) fn pale(colour: [u8; 3]) -> [u8; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mapping::{Pose, Wall};
+    use crate::recording::Grid;
     use proptest::prelude::*;
 
     fn scene(outline: Vec<[f64; 2]>) -> Scene {
@@ -362,6 +390,34 @@ mod tests {
                 prop_assert!((1..=12).contains(&marks), "{marks} marks");
             }
         }
+    }
+
+    #[test]
+    fn free_floor_and_a_long_legend_are_inside() {
+        let grid = Grid {
+            width: 2,
+            height: 1,
+            resolution_m: 3.0,
+            origin_m: [-3.0, -1.0],
+            cells: vec![0; 2],
+        };
+        let origin = Pose { x_m: 5.0, y_m: 0.0, heading_rad: 0.0 };
+        let track = Track { grid: Some(grid), origin, ..Track::default() };
+        let single = Scene { tracks: vec![track.clone()], ..scene(vec![[0.0; 2]]) };
+        let layout = Layout::of(&single);
+        for corner in [[2.0, -1.0], [8.0, 2.0]] {
+            let [x, y] = layout.place(corner[0], corner[1]);
+            assert!((LEFT..=LEFT + layout.plot[0]).contains(&x), "{x}");
+            assert!((TOP..=TOP + layout.plot[1]).contains(&y), "{y}");
+        }
+        let all = Scene {
+            walls: vec![Wall::default()],
+            edges: vec![vec![[0.0; 2]]],
+            tracks: vec![Track { truth: vec![[0.0; 2]; 2], ..track }],
+            ..single.clone()
+        };
+        assert_eq!((symbols(&single).len(), symbols(&all).len()), (6, 9));
+        assert!((Layout::of(&all).height - layout.height - ROW).abs() < 1e-9);
     }
 
     #[test]

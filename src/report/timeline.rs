@@ -166,15 +166,18 @@ impl Timeline {
         }
         marks.extend(run.logs.iter().map(|line| Mark::of_log(since_s(line.time_ns), &line.text)));
         marks.sort_by(|one, other| one.time_s.total_cmp(&other.time_s));
-        let signals = names.numbers.into_iter().zip(columns);
-        let signals = signals.filter(|(_, values)| values.iter().any(|value| !value.is_nan()));
+        let is_known = |values: &[f64]| values.iter().any(|value| !value.is_nan());
+        let mut signals: Vec<_> = names.numbers.into_iter().zip(columns).collect();
+        // A robot that heard no echo in the whole run has a range all the same.
+        let listened = signals.iter().any(|(name, values)| name == "echo" && is_known(values));
+        signals.retain(|(name, values)| is_known(values) || listened && name == "range_m");
         let texts = names.texts.into_iter().zip(texts);
         let cast = again.cast;
         Ok(Self {
             robot: cast.info.brick,
             mission: cast.info.mission,
             times_s: run.senses.iter().map(|senses| since_s(senses.time_ns)).collect(),
-            signals: signals.map(|(name, values)| Signal { name, values }).collect(),
+            signals: signals.into_iter().map(|(name, values)| Signal { name, values }).collect(),
             texts: texts.map(|(name, values)| Texts { name, values }).collect(),
             machines: cast.mission.machines().len(),
             marks,

@@ -227,6 +227,7 @@ fn ready(
     for (name, value) in &job.set {
         mission.set(name, *value)?;
     }
+    mission.within_limits()?;
     let _held = hold(job, mission.name(), flags)?;
     equip(&environment.tree, &config, &*environment.clock)?;
     let mut robot = Robot::bind(&environment.tree, &config, mission.senses())?;

@@ -316,6 +316,9 @@ impl Service {
                 Refusal::new(Kind::BadRequest, format!("--set {}={value}: {error}", line(name)))
             })?;
         }
+        mission
+            .within_limits()
+            .map_err(|error| Refusal::new(Kind::BadRequest, format!("--set: {error}")))?;
         let kept_s = lock(&inner.now).kept.time_limit_s;
         let limited_s = kept_s.filter(|limit_s| *limit_s < mission.time_limit_s());
         if let Some(limit_s) = limited_s {

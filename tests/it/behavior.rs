@@ -205,7 +205,7 @@ fn demands_are_in_si_units() {
 #[test]
 fn a_number_that_is_not_finite_or_not_known_stops_its_actuator_and_no_other() {
     let mission = one_state(
-        "zero = 0",
+        "[variables]\nzero = 0",
         "do = { left_dps = \"1 / zero\", right_dps = 50, head_deg = \"range_m\", motor.arm = \
          \"x_m\", motor.jaw = 9 }",
     );

@@ -295,6 +295,7 @@ fn every_message_of_a_command_is_as_a_person_read_it_last() {
         "sim fault nowhere in9 stuck",
         "sim fault nowhere in1 stukc",
         "sim fault nowhere in1 stuck for",
+        "sim fault nowhere place -0.5 0 90",
         "run arm.toml --sim open",
         "plot nothing.mcap -o map.svg",
         "plot empty.mcap -o map.svg",

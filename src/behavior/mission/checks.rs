@@ -322,7 +322,11 @@ fn paths(root: &Section<'_>, draft: &Draft, impossible: &Impossible) {
             )
         } else if !may_stay && !is_left {
             let message = format!("state `{named}` cannot be left, and it is not final");
-            (Severity::Error, message, "give it a transition, or name it as `final` of its machine")
+            (
+                Severity::Error,
+                message,
+                "give it a transition to another state, or name it as `final` of its machine",
+            )
         } else if let Some(end) = region.end
             && ends.get(index) == Some(&false)
         {

@@ -5,7 +5,7 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use super::{Assignment, Mission, OnLost, Outputs, checks};
+use super::{Assignment, Bounded, Mission, OnLost, Outputs, checks};
 use crate::behavior::MAX_VARIABLES;
 use crate::behavior::engine::Finish;
 use crate::behavior::expression::{
@@ -54,6 +54,7 @@ pub(super) fn load(
             root,
             vocabulary,
             firsts: Vec::new(),
+            bounded: Vec::new(),
             uses: Vec::new(),
             absent: BTreeSet::new(),
             tunes: Vec::new(),
@@ -70,6 +71,8 @@ pub(super) struct Reader<'r, 'd, 'c> {
     pub(super) vocabulary: Vocabulary<'c>,
     /// What variables begin with that do not begin with a number.
     firsts: Vec<Assignment>,
+    /// What the mission's own numbers must not bring out of its limits.
+    bounded: Vec<Bounded>,
     /// What of the robot is sensed or moved, and where in the file.
     pub(super) uses: Vec<(Channel, Range<usize>)>,
     /// The parts of which it was said that the robot does not have them.
@@ -133,6 +136,7 @@ impl<'d> Reader<'_, 'd, '_> {
             numbers: self.vocabulary.numbers,
             variables: self.vocabulary.variables,
             firsts: self.firsts,
+            bounded: self.bounded,
             tunes: self.tunes,
             machines: drafts.into_iter().map(|draft| draft.plan).collect(),
             senses: Channel::ALL.into_iter().filter(|channel| used.contains(channel)).collect(),
@@ -206,14 +210,16 @@ impl<'d> Reader<'_, 'd, '_> {
             return item.number(low..=high).map(Expression::constant);
         }
         let expression = self.expression(item, Kind::Number)?;
-        match expression.always() {
-            Some(value) if !(low..=high).contains(&value) => {
-                let path = item.path();
-                item.error(format!("`{path}` comes to {value}; it can be {low} to {high}"));
-                None
-            }
-            _ => Some(expression),
+        let bounded = Bounded { path: item.path().to_owned(), expression, low, high };
+        if let Some(beyond) = bounded.beyond() {
+            item.error(beyond.to_string());
+            return None;
         }
+        let expression = bounded.expression.clone();
+        if expression.in_a_run().is_some() && expression.always().is_none() {
+            self.bounded.push(bounded);
+        }
+        Some(expression)
     }
 
     fn expression(&mut self, item: &Item<'d>, kind: Kind) -> Option<Expression> {

@@ -51,7 +51,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         return Err(Failure::refused("nothing is left that a repair could keep"));
     }
     write_file(&out, &whole)?;
-    let told = serde_json::json!({ "wrote": out, "messages": messages });
+    let lost = runs.iter().flat_map(|(loaded, _)| &loaded.run.warnings).collect::<Vec<_>>();
+    let told = serde_json::json!({ "wrote": out, "messages": messages, "warnings": lost });
     output.show(format!("wrote {}: {}", out.display(), counted(messages, "message")), &told);
     Ok(())
 }

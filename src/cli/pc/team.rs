@@ -92,7 +92,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     })?;
     let checked = check::all(&asking, Some(&wanted));
     check::show(&checked, output);
-    check::verdict(&checked)?;
+    check::verdict(&checked, ", so none starts")?;
     let folder = RunFolder::of_team(arguments.out.as_deref())?;
     let plan = Plan {
         team: &team,
@@ -115,7 +115,7 @@ pub(super) fn show(team: &Path, how: &How, output: &mut Output) -> Result<(), Fa
     let wanted = wanted_by(&read, team)?;
     let checked = check::all(&asking, wanted.as_ref());
     check::show(&checked, output);
-    check::verdict(&checked)
+    check::verdict(&checked, "")
 }
 
 /// The mission that a team's file names; a file's path is below the folder of the team's.

@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Write};
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use super::session::{Answered, Session};
@@ -341,6 +341,8 @@ impl PartFile {
                 .read(true)
                 .append(true)
                 .create(true)
+                // A link would have the file that it names overwritten.
+                .custom_flags(nix::libc::O_NOFOLLOW)
                 .open(&path)
                 .map_err(failed)?;
             match part.try_lock() {
@@ -353,6 +355,9 @@ impl PartFile {
             // final name.
             let is_still_there = std::fs::metadata(&path)
                 .is_ok_and(|there| (there.dev(), there.ino()) == (opened.dev(), opened.ino()));
+            if is_still_there && (!opened.is_file() || opened.nlink() > 1) {
+                return Err(failed(io::Error::other("it is no file, or has another name, too")));
+            }
             if is_still_there {
                 return Ok(Self { length: opened.len(), path, file: part });
             }

@@ -416,6 +416,14 @@ fn robot_cases() -> Vec<(&'static str, String)> {
             "a way in centimetres",
             state("do = { drive_m = 40 }").replace("[numbers]", "time_limit_s = 30\n[numbers]"),
         ),
+        (
+            "a number that is a way in centimetres",
+            state("do = { drive_m = \"2 * way\" }").replace("[numbers]", "[numbers]\nway = 20"),
+        ),
+        (
+            "a number beyond what it is for",
+            state("do = { drive_m = \"way\" }").replace("[numbers]", "[numbers]\nway = 200"),
+        ),
         ("an arc that is too long", state("do = { arc = { radius_m = 30, turn_deg = 360 } }")),
         ("a place in centimetres", state("do = { goto = [80, -20], speed_mps = 0.19 }")),
         ("wheels faster than they may", state("do = { left_dps = 540, right_dps = -720 }")),

@@ -194,6 +194,9 @@ fn export_writes_every_format() {
     // A run that saw nothing has a path alone; one that was cut at once has not even that.
     let square = ["run", "square", "--sim", "open", "--set", "time_limit_s=1", "--out", "open"];
     run(folder.path(), &square).expect(0);
+    run(folder.path(), &["export", "open/run.mcap", "--format", "csv", "--out", "o"]).expect(0);
+    let signals = std::fs::read_to_string(folder.path().join("o/signals.csv")).unwrap();
+    assert!(signals.lines().next().unwrap().contains(",range_m,"), "{signals:.300}");
     let whole = std::fs::read(folder.path().join("left.mcap")).unwrap();
     std::fs::write(folder.path().join("cut.mcap"), &whole[..3000]).unwrap();
     for (arguments, told) in [

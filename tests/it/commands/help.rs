@@ -79,6 +79,7 @@ fn wrong_usage_ends_with_2_and_says_what_is_right() {
         (&["run", "map", "--sim", "arena", "--set", "near_m=nan"], "finite"),
         (&["run", "map", "--sim", "arena", "--set", "naer_m=1"], "did you mean `near_m`?"),
         (&["run", "map", "--sim", "arena", "--set", "time_limit_s=1e9"], "it can be 1 to 36000"),
+        (&["run", "explore", "--sim", "arena", "--set", "within_m=6"], "6; it can be 0.1 to 5"),
         (&["run", "map", "--sim", "arena", "--pose", "1,2"], "x,y,deg"),
         (&["run", "map", "--sim", "arena", "--pose", "1,2,nan"], "finite"),
         (&["run", "map", "--sim", "arena", "--sync-s", "0"], "0.1 to 60"),

@@ -11,6 +11,43 @@ use super::{keys, names, onbrick, run, text};
 const FILES: [&str; 5] = ["map.png", "map.svg", "path.csv", "points.csv", "run.mcap"];
 
 #[test]
+fn the_readmes_figures_of_demo_come_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let quality = |seconds: &[&str]| {
+        let said = run(folder.path(), &[&["demo", "--json"], seconds].concat()).expect(0);
+        said.json().pop().unwrap()
+    };
+    let (whole, short) = (quality(&[]), quality(&["--seconds", "300"]));
+    let number = |name: &str| whole[name].as_f64().unwrap();
+    let percent = |quality: &serde_json::Value, name: &str| {
+        format!("{:.0} %", 100.0 * quality[name].as_f64().unwrap())
+    };
+    let rows = [
+        format!(
+            "{:.0} points, median {:.1} cm from the nearest wall, {} within 5 cm",
+            number("points"),
+            100.0 * number("wall_median_m"),
+            percent(&whole, "near_wall")
+        ),
+        format!(
+            "{} of the wall that the robot can hear has a point after 10 minutes, {} after 5",
+            percent(&whole, "coverage"),
+            percent(&short, "coverage")
+        ),
+        format!(
+            "the last pose {:.1} cm and {:.1}° from the true one, after {:.1} m",
+            100.0 * number("pose_error_m"),
+            number("heading_error_deg"),
+            number("travelled_m")
+        ),
+    ];
+    let readme = include_str!("../../../README.md");
+    for row in rows {
+        assert!(readme.contains(&format!("| `demo`: {row} |")), "README.md: {row}");
+    }
+}
+
+#[test]
 fn demo_leaves_its_files_and_the_same_seed_gives_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let said = run(folder.path(), &["demo", "--seconds", "30"]).expect(0);

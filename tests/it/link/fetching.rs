@@ -2,7 +2,7 @@
 
 use std::io::{Read as _, Write as _};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
@@ -199,6 +199,23 @@ fn what_lies_there_of_another_run_is_not_mixed_into_this_one() {
         bench.client().fetch(&run("r"), &home.file, &mut |_| {}).unwrap();
         assert!(std::fs::read(&home.file).unwrap() == sent, "not the same bytes");
         std::fs::remove_file(&home.file).unwrap();
+    }
+}
+
+#[test]
+fn a_link_in_the_place_of_the_part_keeps_what_it_names() {
+    let bench = Bench::new();
+    let home = home();
+    bench.fake.record("r", bytes(1000, 5), true);
+    let other = home.file.with_file_name("other");
+    std::fs::write(&other, "precious").unwrap();
+    for link in [std::os::unix::fs::symlink::<&Path, &Path>, std::fs::hard_link] {
+        link(&other, &home.part).unwrap();
+        let failed = bench.client().fetch(&run("r"), &home.file, &mut |_| {}).unwrap_err();
+        assert!(matches!(failed, ClientError::File { .. }), "{failed}");
+        assert_eq!(std::fs::read_to_string(&other).unwrap(), "precious");
+        assert!(!home.file.exists());
+        std::fs::remove_file(&home.part).unwrap();
     }
 }
 

@@ -73,7 +73,7 @@ type Moves = BTreeMap<Role, Range<usize>>;
 
 /// Warns of a turn by eighths of a circle to two digits, such as 1.57: few turns are so small.
 fn looks_like_radians(item: &Item<'_>, turn_deg: &Expression) {
-    let Some(turn) = turn_deg.always() else { return };
+    let Some(turn) = turn_deg.in_a_run() else { return };
     let eighths = libm::round(turn / FRAC_PI_4);
     let is_near = (turn - eighths * FRAC_PI_4).abs() < 0.006;
     if is_near && turn.fract() != 0.0 && (1.0..=8.0).contains(&eighths.abs()) {
@@ -149,7 +149,7 @@ impl<'d> Reader<'_, 'd, '_> {
     /// Warns of a speed beyond what the robot's wheels may do: it would drive more slowly.
     fn is_within_reach(&self, item: &Item<'d>, forward_mps: &Expression, turn_dps: &Expression) {
         let Some(limits) = self.vocabulary.capabilities.limits else { return };
-        let Some((forward, turn)) = forward_mps.always().zip(turn_dps.always()) else { return };
+        let Some((forward, turn)) = forward_mps.in_a_run().zip(turn_dps.in_a_run()) else { return };
         let wheel_m_s = forward.abs() + radians(turn.abs()) * limits.half_track_m;
         if wheel_m_s > limits.max_m_s {
             let slower = limits.max_m_s / wheel_m_s;
@@ -164,9 +164,9 @@ impl<'d> Reader<'_, 'd, '_> {
     /// Warns of a way that takes longer than the mission, as one in centimetres does.
     fn is_in_time(&self, item: &Item<'d>, plan: &MotionPlan) {
         let Some(limits) = self.vocabulary.capabilities.limits else { return };
-        let both = |one: &Expression, other: &Expression| one.always().zip(other.always());
+        let both = |one: &Expression, other: &Expression| one.in_a_run().zip(other.in_a_run());
         let way_m = match &plan.goal {
-            GoalPlan::Ahead { way_m } => way_m.always(),
+            GoalPlan::Ahead { way_m } => way_m.in_a_run(),
             GoalPlan::Arc { radius_m, turn_deg } => {
                 both(radius_m, turn_deg).map(|(radius_m, deg)| radius_m * radians(deg))
             }
@@ -174,7 +174,7 @@ impl<'d> Reader<'_, 'd, '_> {
             GoalPlan::Turn { .. } | GoalPlan::Explore { .. } => None,
         };
         let speed_m_s = match &plan.speed_mps {
-            Some(speed_mps) => speed_mps.always(),
+            Some(speed_mps) => speed_mps.in_a_run(),
             None => Some(limits.speed_m_s),
         };
         let Some((way_m, speed_m_s)) = way_m.zip(speed_m_s) else { return };
@@ -191,7 +191,7 @@ impl<'d> Reader<'_, 'd, '_> {
     fn wheels_are_within_reach(&self, wheels: [(&Item<'d>, &Expression); 2]) {
         let Some(limits) = self.vocabulary.capabilities.limits else { return };
         let max_dps = limits.max_wheel_rad_s.to_degrees();
-        let known = wheels.map(|(_, speed)| speed.always());
+        let known = wheels.map(|(_, speed)| speed.in_a_run());
         let fastest = wheels.iter().zip(known).filter_map(|((item, _), dps)| Some((item, dps?)));
         let Some((item, dps)) = fastest.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) else {
             return;
@@ -217,7 +217,7 @@ impl<'d> Reader<'_, 'd, '_> {
         // A robot without a head has a finding of its own.
         let has_head = self.vocabulary.capabilities.has(Role::Head);
         let beyond = |deg: f64| deg.abs() > most_deg * (1.0 + 1e-9);
-        if has_head && head_deg.always().is_some_and(beyond) {
+        if has_head && head_deg.in_a_run().is_some_and(beyond) {
             item.warning("the robot's head does not turn that far (`limit_deg`)")
                 .hint(format!("it turns {most_deg:.0} degrees to each side"));
         }

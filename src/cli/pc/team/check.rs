@@ -201,8 +201,8 @@ fn row(checked: &Checked) -> [String; 5] {
     ]
 }
 
-/// Whether all may start.
-pub(super) fn verdict(checked: &[Checked]) -> Result<(), Failure> {
+/// Whether all may start; `so` says what comes of it where not.
+pub(super) fn verdict(checked: &[Checked], so: &str) -> Result<(), Failure> {
     let unready: Vec<&Checked> = checked.iter().filter(|one| !one.problems.is_empty()).collect();
     if unready.is_empty() {
         return Ok(());
@@ -211,7 +211,7 @@ pub(super) fn verdict(checked: &[Checked]) -> Result<(), Failure> {
     let (few, all) = (unready.len(), counted(checked.len(), "brick"));
     let exit = if unready.iter().all(|one| one.silent) { Exit::NoAnswer } else { Exit::Refused };
     let are = if few == 1 { "is" } else { "are" };
-    Err(Failure::new(exit, format!("{few} of {all} {are} not ready, so none starts: {names}")))
+    Err(Failure::new(exit, format!("{few} of {all} {are} not ready{so}: {names}")))
 }
 
 #[cfg(test)]
@@ -298,18 +298,18 @@ grey         ?  ?        ?             no answer from grey";
     #[test]
     fn one_that_is_not_ready_keeps_all_from_starting() {
         let team = team();
-        let failure = verdict(&team).unwrap_err();
+        let failure = verdict(&team, "").unwrap_err();
         assert_eq!(
             (failure.exit, failure.message.contains("red, grey")),
             (Exit::Refused, true),
             "{failure:?}"
         );
-        let words = |team: &[Checked]| verdict(team).unwrap_err().message;
+        let words = |team: &[Checked]| verdict(team, ", so none starts").unwrap_err().message;
         assert_eq!(words(&team[3..]), "1 of 1 brick is not ready, so none starts: grey");
         assert_eq!(words(&team[2..]), "1 of 2 bricks is not ready, so none starts: grey");
         assert!(words(&team).starts_with("2 of 4 bricks are not ready"));
-        assert_eq!(verdict(&team[3..]).unwrap_err().exit, Exit::NoAnswer);
-        assert!(verdict(&team[..1]).is_ok());
+        assert_eq!(verdict(&team[3..], "").unwrap_err().exit, Exit::NoAnswer);
+        assert!(verdict(&team[..1], "").is_ok());
     }
 
     #[test]
