@@ -1,7 +1,7 @@
 //! Starting a run and stopping it.
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use nix::sys::signal::kill;
@@ -22,8 +22,8 @@ use crate::protocol::{
 };
 use crate::recording;
 use crate::runtime::{
-    HardwareLock, Job, LockError, OrphansError, PATIENCE_NS, RunProcess, StopBy, StopReason,
-    StopRequest, Stopper, evict, stop_orphans,
+    HardwareLock, Job, LockError, PATIENCE_NS, RunProcess, StopBy, StopReason, StopRequest,
+    Stopper, end_by_force,
 };
 use crate::threads::{lock, spawn};
 use crate::units::radians;
@@ -72,23 +72,11 @@ impl Stop {
 /// Ends the run that this process drives by force, should it not stop when it is asked to.
 fn force_later(root: PathBuf, control: i32) -> io::Result<()> {
     spawn("patience", move || {
-        if let Err(error) = force(&root, control, PATIENCE_NS) {
+        if let Err(error) = end_by_force(&root, PATIENCE_NS, |owner| owner.pid == control) {
             log::error!("the run did not stop when it was asked to: {}", with_causes(&error));
         }
     })?;
     Ok(())
-}
-
-/// Waits until the process that drives has stopped its motors, as it was asked to; ends it by force
-/// where it does not. False where it cannot be ended.
-fn force(root: &Path, driving: i32, patience_ns: i64) -> Result<bool, OrphansError> {
-    let clock = &MonotonicClock;
-    let is_over = evict(root, clock, patience_ns, |owner| owner.pid == driving)?;
-    match stop_orphans(root, clock) {
-        // It yielded, and another run may have begun since.
-        Ok(_) | Err(OrphansError::Lock(LockError::Taken(_))) => Ok(is_over),
-        Err(error) => Err(error),
-    }
 }
 
 impl Service {
@@ -243,7 +231,7 @@ impl Service {
                 .hint("onbrick halt on the brick, as root")
         };
         let _request = StopRequest::make(tree.root(), by);
-        match force(tree.root(), owner.pid, STOP_PATIENCE_NS) {
+        match end_by_force(tree.root(), STOP_PATIENCE_NS, |found| found.pid == owner.pid) {
             Ok(true) => Ok(Stopped { other: Some(other), ..none }),
             Ok(false) => Err(failed(String::new())),
             Err(error) => Err(failed(format!(": {}", with_causes(&error)))),
