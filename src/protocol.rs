@@ -315,6 +315,17 @@ pub struct Reply {
     pub outcome: Outcome,
 }
 
+#[cfg(feature = "cli")]
+impl Reply {
+    /// What is sent for a request: the reply, and the bytes behind it.
+    pub(crate) fn to(id: Option<Id>, answered: Result<Answer, Refusal>) -> (Self, Option<Vec<u8>>) {
+        match answered {
+            Ok(Answer { value, bytes }) => (Self { id, outcome: Outcome::Ok(value) }, bytes),
+            Err(refusal) => (Self { id, outcome: Outcome::Error(refusal) }, None),
+        }
+    }
+}
+
 /// What came of a request.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

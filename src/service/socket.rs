@@ -28,7 +28,7 @@ use super::config::SocketConfig;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::printable::json_line;
 use crate::protocol::{
-    Answer, Asked, Caller, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Operations, Outcome,
+    Answer, Asked, Caller, Id, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Operations,
     Refusal, Reply, Request, parse_local,
 };
 use crate::runtime::groups;
@@ -158,8 +158,7 @@ impl Clients {
                 Err(error) => {
                     // Too many open files, as a rule: clients leave in time.
                     log::warn!("the local socket accepts no connection: {error}");
-                    let clock = MonotonicClock;
-                    clock.sleep_ns(100 * MILLISECOND_NS);
+                    MonotonicClock.sleep_ns(100 * MILLISECOND_NS);
                 }
             }
         }
@@ -172,7 +171,7 @@ impl Clients {
                 Refusal::new(Kind::TooMany, format!("{MAX_CLIENTS} clients are connected already"));
             // It has just come, so a line fits into its buffer; if not, it is left without a word.
             let _ = stream.set_nonblocking(true);
-            let _ = send(&mut &stream, &Reply { id: None, outcome: Outcome::Error(refusal) }, None);
+            let _ = send(&stream, None, Err(refusal));
             return;
         }
         let thread = std::thread::Builder::new().name("client".to_owned()).stack_size(STACK_BYTES);
@@ -226,14 +225,13 @@ impl ClientThread {
                         "a request has at most {MAX_REQUEST_BYTES} bytes, and ends with a \
                          line's end"
                     );
-                    let outcome = Outcome::Error(Refusal::bad_request(message));
                     // What follows in the stream cannot be told from the rest of it.
-                    return send(&mut &*stream, &Reply { id: None, outcome }, None);
+                    return send(stream, None, Err(Refusal::bad_request(message)));
                 }
                 LineRead::Whole => {}
             }
-            let (reply, bytes) = self.answer(&line, caller, at_end);
-            send(&mut &*stream, &reply, bytes.as_deref())?;
+            let (id, answered) = self.answer(&line, caller, at_end);
+            send(stream, id, answered)?;
         }
     }
 
@@ -268,8 +266,8 @@ impl ClientThread {
         line: &[u8],
         caller: &mut Caller,
         at_end: &mut Option<LocalRequest>,
-    ) -> (Reply, Option<Vec<u8>>) {
-        let (id, answered) = match parse_local(line) {
+    ) -> (Option<Id>, Result<Answer, Refusal>) {
+        match parse_local(line) {
             Ok(Asked { id, request }) => {
                 match &request {
                     LocalRequest::Own(LocalOnly::MenuHere) => {
@@ -285,10 +283,6 @@ impl ClientThread {
                 (Some(id), self.operate(&request, caller))
             }
             Err(error) => (error.id, Err(error.refusal)),
-        };
-        match answered {
-            Ok(Answer { value, bytes }) => (Reply { id, outcome: Outcome::Ok(value) }, bytes),
-            Err(refusal) => (Reply { id, outcome: Outcome::Error(refusal) }, None),
         }
     }
 
@@ -322,7 +316,12 @@ fn read_up_to(
     Ok(line.len())
 }
 
-fn send(stream: &mut impl Write, reply: &Reply, bytes: Option<&[u8]>) -> io::Result<()> {
-    stream.write_all(&json_line(reply)?)?;
-    bytes.map_or(Ok(()), |bytes| stream.write_all(bytes))
+fn send(
+    mut stream: &UnixStream,
+    id: Option<Id>,
+    answered: Result<Answer, Refusal>,
+) -> io::Result<()> {
+    let (reply, bytes) = Reply::to(id, answered);
+    stream.write_all(&json_line(&reply)?)?;
+    bytes.map_or(Ok(()), |bytes| stream.write_all(&bytes))
 }
