@@ -247,12 +247,6 @@ impl Client {
         self.most_bytes = bytes;
     }
 
-    /// Where the brick is thought to be.
-    #[must_use]
-    pub fn address(&self) -> &str {
-        &self.line.written
-    }
-
     /// How the brick is.
     ///
     /// # Errors

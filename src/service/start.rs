@@ -105,14 +105,7 @@ impl Service {
         inner.hardware.let_go();
         self.is_free()?;
         let by = named(caller);
-        let run = RunStatus {
-            run: start.run.clone(),
-            mission: mission.name().to_owned(),
-            time_limit_s: mission.time_limit_s(),
-            by: by.clone(),
-            waits: None,
-            progress: None,
-        };
+        let run = RunStatus::new(start.run.clone(), mission.name(), mission.time_limit_s(), &by);
         let record = Record::new(start.run.clone(), &run.mission, run.time_limit_s, &by);
         job.file = inner.store.begin(record)?;
         log::info!("run {}: mission {}, started {}", run.run, run.mission, whose(&by));

@@ -332,7 +332,7 @@ impl Store {
         let length = u32::try_from(bytes.len()).unwrap_or(MAX_FETCH_BYTES);
         let at_end = complete && fetch.offset + u64::from(length) == total;
         if complete && sha256.is_some() && sha256 == fetch.sha256 {
-            self.note_fetched(&fetch.run);
+            self.change(&fetch.run, |record| record.fetched = true);
         }
         let sha256 = sha256.filter(|_| at_end);
         Ok((
@@ -406,10 +406,6 @@ impl Store {
     /// A run's recording.
     pub(super) fn recording(&self, run: &RunId) -> PathBuf {
         self.folder_of(run).join(RECORDING)
-    }
-
-    fn note_fetched(&self, run: &RunId) {
-        self.change(run, |record| record.fetched = true);
     }
 
     fn change(&self, run: &RunId, change: impl FnOnce(&mut Record)) {
