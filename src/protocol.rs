@@ -306,12 +306,11 @@ pub struct Answer {
 
 /// A reply's JSON. What is read has texts that may be shown ([`printable`](crate::printable)).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(from = "told::AsItCame")]
 pub struct Reply {
     /// The request's, where it could be read.
     pub id: Option<Id>,
     /// What is answered.
-    #[serde(flatten)]
+    #[serde(flatten, deserialize_with = "told::outcome")]
     pub outcome: Outcome,
 }
 
