@@ -419,7 +419,7 @@ fn eventful(tick: i64, robot: &Obedient) -> Signals {
         ],
     );
     if tick % 29 == 0 {
-        signals.lose(Signal::Sensed(Channel::Range));
+        signals.set(Signal::Sensed(Channel::Range), None);
     }
     signals
 }
