@@ -23,6 +23,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use nix::sys::socket::{getsockopt, sockopt::PeerCredentials};
+use nix::unistd::Gid;
 
 use super::config::SocketConfig;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
@@ -108,15 +109,11 @@ impl Drop for LocalSocket {
 fn listen(config: &SocketConfig) -> Result<UnixListener, SocketError> {
     let path = &config.path;
     let failed = |source| SocketError::Io { path: path.clone(), source };
-    let group = match &config.group {
-        Some(name) => Some(
-            groups::number_of(name)
-                .map_err(failed)?
-                .ok_or_else(|| SocketError::NoGroup(name.clone()))?
-                .as_raw(),
-        ),
-        None => None,
+    let number = |name: &String| {
+        let found = groups::number_of(name).map_err(failed)?;
+        found.ok_or_else(|| SocketError::NoGroup(name.clone()))
     };
+    let group = config.group.as_ref().map(number).transpose()?;
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(failed)?;
     }
@@ -124,7 +121,7 @@ fn listen(config: &SocketConfig) -> Result<UnixListener, SocketError> {
     let listener = UnixListener::bind(path).map_err(failed)?;
     // Until here the usual umask lets only our own user write to it, that is, connect.
     if group.is_some() {
-        chown(path, None, group).map_err(failed)?;
+        chown(path, None, group.map(Gid::as_raw)).map_err(failed)?;
     }
     std::fs::set_permissions(path, std::fs::Permissions::from_mode(MODE)).map_err(failed)?;
     Ok(listener)

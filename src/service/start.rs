@@ -117,7 +117,7 @@ impl Service {
             lock(&inner.now).stop = None;
             inner.happen(Happening::Ended(last));
             inner.store.take_back(&start.run);
-            return Err(Refusal::new(Kind::Failed, why));
+            return Err(Refusal::failed(why));
         }
         Ok(Started { run: start.run.clone(), repeated: false, limited_s })
     }
@@ -187,19 +187,17 @@ impl Service {
         let deadline_ns = MonotonicClock.now_ns() + STOP_PATIENCE_NS;
         loop {
             let is_over = now.machine.run().is_none_or(|now| now.run != running);
-            if let Some(stopped) = now.machine.motors_told() {
+            // One that ended before it drove never told a motor to turn.
+            if let Some(stopped) = now.machine.motors_told().or(is_over.then_some(true)) {
                 return Ok(Stopped { run: Some(running), stopped, other: None });
-            }
-            if is_over {
-                // It ended before it drove: no motor was ever told to turn.
-                return Ok(Stopped { run: Some(running), stopped: true, other: None });
             }
             let left_ns = deadline_ns.saturating_sub(MonotonicClock.now_ns());
             let Ok(left_ns @ 1..) = u64::try_from(left_ns) else {
                 let message =
                     "the run was asked to stop and has not said that the motors were told";
-                return Err(Refusal::new(Kind::Failed, message)
-                    .hint("onbrick halt, to be sure that they are still"));
+                return Err(
+                    Refusal::failed(message).hint("onbrick halt, to be sure that they are still")
+                );
             };
             // It may begin to drive only now and not have had the order when it was asked.
             now = match inner.changed.wait_timeout(now, Duration::from_nanos(left_ns)) {
@@ -220,7 +218,7 @@ impl Service {
         let other = format!("{} (process {})", owner.doing, owner.pid);
         log::info!("asked to stop {other}");
         let failed = |why: String| {
-            Refusal::new(Kind::Failed, format!("{other} cannot be stopped{why}"))
+            Refusal::failed(format!("{other} cannot be stopped{why}"))
                 .hint("onbrick halt on the brick, as root")
         };
         let _request = StopRequest::make(tree.root(), by);
@@ -294,7 +292,7 @@ impl Service {
         let mut set = start.set.clone();
         for (name, value) in &set {
             mission.set(name, *value).map_err(|error| {
-                Refusal::new(Kind::BadRequest, format!("--set {}={value}: {error}", line(name)))
+                Refusal::bad_request(format!("--set {}={value}: {error}", line(name)))
             })?;
         }
         let kept_s = lock(&inner.now).kept.time_limit_s;
@@ -303,14 +301,11 @@ impl Service {
             set.push((Mission::TIME_LIMIT.to_owned(), limit_s));
             mission
                 .set(Mission::TIME_LIMIT, limit_s)
-                .map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
+                .map_err(|error| Refusal::failed(error.to_string()))?;
         }
         let pose = match start.pose {
             Some(pose) if !pose.iter().all(|number| number.abs() <= FARTHEST) => {
-                return Err(Refusal::new(
-                    Kind::BadRequest,
-                    "a pose's numbers are small and finite",
-                ));
+                return Err(Refusal::bad_request("a pose's numbers are small and finite"));
             }
             Some([x_m, y_m, deg]) => Pose { x_m, y_m, heading_rad: radians(deg) },
             None => inner.place.start,
