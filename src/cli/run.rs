@@ -15,7 +15,7 @@ use super::common::{
 use super::folder::RunFolder;
 use super::happenings::Happenings;
 use super::terminal::signals;
-use super::{Exit, Failure, Output};
+use super::{Context as _, Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
 use crate::ev3dev::Tree;
@@ -138,9 +138,8 @@ fn prepare(
     let (mut mission, warnings) = load_mission(&source, &robot.config.capabilities())?;
     warn(&warnings);
     for (name, value) in &arguments.set {
-        mission.set(name, *value).map_err(|error| {
-            Failure::from_error(Exit::Usage, &format!("--set {name}={value}"), &error)
-        })?;
+        let set = mission.set(name, *value);
+        set.context(Exit::Usage, format_args!("--set {name}={value}"))?;
     }
     let (brick, start) = brick(arguments, chosen.is_some().then_some(&robot.config))?;
     let start = arguments.pose.map_or(start, |[x_m, y_m, deg]| Pose {

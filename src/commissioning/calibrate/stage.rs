@@ -217,7 +217,7 @@ impl<'s> Stage<'s> {
     ) -> Result<Ended, CalibrateError> {
         let from = self.look()?;
         let begin_ns = self.clock.now_ns();
-        let mut progress = [Progress::new(begin_ns); 2];
+        let mut progress = [Progress { turned_rad: 0.0, at_ns: begin_ns }; 2];
         loop {
             let now = self.look()?;
             let now_ns = self.clock.now_ns();
@@ -305,10 +305,6 @@ struct Progress {
 }
 
 impl Progress {
-    fn new(at_ns: i64) -> Self {
-        Self { turned_rad: 0.0, at_ns }
-    }
-
     /// Every motion here turns both wheels all the time, so one that stands is blocked.
     fn check(&mut self, turned_rad: f64, now_ns: i64) -> Result<(), CalibrateError> {
         if turned_rad > self.turned_rad + TURNED_RAD {
