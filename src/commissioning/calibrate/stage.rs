@@ -209,6 +209,22 @@ impl<'s> Stage<'s> {
         }
     }
 
+    /// Measures so often, each time one way and then the other; what was measured of each way.
+    pub(super) fn both_ways<T>(
+        &mut self,
+        ways: [f64; 2],
+        times: u32,
+        measure: impl Fn(&mut Self, f64) -> Result<T, CalibrateError>,
+    ) -> Result<[Vec<T>; 2], CalibrateError> {
+        let mut measured = [const { Vec::new() }; 2];
+        for _ in 0..times {
+            for (measured, way) in measured.iter_mut().zip(ways) {
+                measured.push(measure(self, way)?);
+            }
+        }
+        Ok(measured)
+    }
+
     fn motion(
         &mut self,
         drive: Drive,
