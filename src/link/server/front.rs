@@ -133,9 +133,8 @@ impl<'s> Front<'s> {
         key: Option<PublicKey>,
         payload: Option<zmq::Message>,
     ) -> Result<(String, crate::protocol::Asked<Request>), NotUnderstood> {
-        let nameless = |refusal| NotUnderstood { id: None, refusal };
-        let payload = payload
-            .ok_or_else(|| nameless(Refusal::bad_request("a request is one frame of JSON")))?;
+        let payload =
+            payload.ok_or_else(|| Refusal::bad_request("a request is one frame of JSON"))?;
         let asked = parse(&payload);
         // A peer that may not ask learns only that, under the name of the request.
         let id = || match &asked {
