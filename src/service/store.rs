@@ -137,20 +137,13 @@ pub(super) enum StoreError {
 
 impl From<StoreError> for Refusal {
     fn from(error: StoreError) -> Self {
-        let kind = match &error {
-            StoreError::NoRoom { .. } => Kind::NoRoom,
-            StoreError::Unknown(_) => Kind::UnknownRun,
-            StoreError::GoingOn(_) => Kind::Busy,
-            StoreError::BeyondEnd { .. } => Kind::BeyondEnd,
-            StoreError::Kept(_) | StoreError::Disk { .. } => Kind::Failed,
-        };
-        let hint = match &error {
-            StoreError::NoRoom { .. } => {
-                Some("delete something else from the card, or use a larger one")
-            }
-            StoreError::Unknown(_) => Some("onbrick runs lists them"),
-            StoreError::GoingOn(_) => Some("stop it first"),
-            _ => None,
+        const DELETE: &str = "delete something else from the card, or use a larger one";
+        let (kind, hint) = match &error {
+            StoreError::NoRoom { .. } => (Kind::NoRoom, Some(DELETE)),
+            StoreError::Unknown(_) => (Kind::UnknownRun, Some("onbrick runs lists them")),
+            StoreError::GoingOn(_) => (Kind::Busy, Some("stop it first")),
+            StoreError::BeyondEnd { .. } => (Kind::BeyondEnd, None),
+            StoreError::Kept(_) | StoreError::Disk { .. } => (Kind::Failed, None),
         };
         let refusal = Self::new(kind, error.to_string());
         hint.into_iter().fold(refusal, Self::hint)

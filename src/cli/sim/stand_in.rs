@@ -194,12 +194,12 @@ fn recording(arguments: &[String]) -> Result<Samples, StandInError> {
         if WITH_VALUE.contains(&word.as_str()) {
             words.next();
         } else if !word.starts_with('-') || word == "-" {
-            file = Some(word.as_str());
+            file = Some(word.as_str()).filter(|name| *name != "-");
         }
     }
-    let name = file.filter(|name| *name != "-").unwrap_or("the standard input");
+    let name = file.unwrap_or("the standard input");
     let mut bytes = Vec::new();
-    let read = match file.filter(|name| *name != "-") {
+    let read = match file {
         Some(path) => {
             File::open(path).and_then(|file| file.take(MOST_BYTES).read_to_end(&mut bytes))
         }
