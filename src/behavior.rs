@@ -42,7 +42,7 @@ pub use engine::{EngineError, Finish, Progress};
 pub use expression::Expression;
 pub use graph::mermaid;
 pub use mission::{
-    MachinePlan, Mission, OnLost, OnStall, Program, ProgramState, RegionPlan, SetError, StatePlan,
+    MachinePlan, Mission, OnLost, Program, ProgramState, RegionPlan, SetError, StatePlan,
     TransitionPlan,
 };
 pub use motion::MotionLimits;

@@ -301,11 +301,9 @@ impl Menu {
     pub fn tick(&mut self, now_ns: i64) {
         self.now_ns = now_ns;
         self.repeat();
-        if self.stop_due_ns.is_some_and(|due_ns| due_ns <= now_ns) {
-            self.stop_due_ns = None;
-            if self.seen.is_running() {
-                self.asks.stop();
-            }
+        if self.stop_due_ns.take_if(|due_ns| *due_ns <= now_ns).is_some() && self.seen.is_running()
+        {
+            self.asks.stop();
         }
         let corner = self.corner_text();
         if corner != self.corner {

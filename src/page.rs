@@ -87,8 +87,9 @@ pub(crate) enum Shown {
 
 impl Shown {
     /// A part that is in the program.
-    pub(crate) fn file(kind: Kind, text: &'static str) -> Self {
-        Self::Text(kind, Cow::Borrowed(text))
+    pub(crate) fn part(parts: &[(&str, Kind, &'static str)], path: &str) -> Self {
+        let part = parts.iter().find(|(place, ..)| *place == path);
+        part.map_or(Self::Nothing, |(_, kind, text)| Self::Text(*kind, Cow::Borrowed(text)))
     }
 
     /// What the page asks for.

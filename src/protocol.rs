@@ -306,13 +306,23 @@ pub struct Answer {
 
 /// A reply's JSON. What is read has texts that may be shown ([`printable`](crate::printable)).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(from = "told::AsItCame")]
 pub struct Reply {
     /// The request's, where it could be read.
     pub id: Option<Id>,
     /// What is answered.
-    #[serde(flatten)]
+    #[serde(flatten, deserialize_with = "told::outcome")]
     pub outcome: Outcome,
+}
+
+#[cfg(feature = "cli")]
+impl Reply {
+    /// What is sent for a request: the reply, and the bytes behind it.
+    pub(crate) fn to(id: Option<Id>, answered: Result<Answer, Refusal>) -> (Self, Option<Vec<u8>>) {
+        match answered {
+            Ok(Answer { value, bytes }) => (Self { id, outcome: Outcome::Ok(value) }, bytes),
+            Err(refusal) => (Self { id, outcome: Outcome::Error(refusal) }, None),
+        }
+    }
 }
 
 /// What came of a request.

@@ -59,7 +59,7 @@ pub use child::{
 };
 pub use control::{Control, STOP_SIGNALS, StopFlags, Tally};
 pub use environment::{CreateSink, Environment, SeeTruth, Truth};
-pub use evict::{OrphansError, PATIENCE_NS, evict, stop_orphans};
+pub use evict::{OrphansError, PATIENCE_NS, end_by_force, evict, stop_orphans};
 pub use execute::{Refused, execute};
 pub use guard::{Lines, MISSED_NS, Pulse, Watch};
 pub use lock::{HardwareLock, LockError, Owner};

@@ -206,7 +206,7 @@ impl Expression {
     /// The deepest nesting of parentheses and operators that is read.
     pub const MAX_NESTING: usize = 64;
 
-    /// Reads an expression that must give `kind`.
+    /// Reads an expression that must give `kind`; where that is `None`, either.
     ///
     /// # Errors
     ///
@@ -214,19 +214,10 @@ impl Expression {
     /// nothing more is found.
     pub fn parse(
         text: &str,
-        kind: Kind,
+        kind: impl Into<Option<Kind>>,
         vocabulary: &mut Vocabulary<'_>,
     ) -> Result<Self, Vec<Misreading>> {
-        parser::parse(text, Some(kind), vocabulary)
-    }
-
-    /// Reads an expression that may give either.
-    ///
-    /// # Errors
-    ///
-    /// As [`Expression::parse`].
-    pub fn parse_any(text: &str, vocabulary: &mut Vocabulary<'_>) -> Result<Self, Vec<Misreading>> {
-        parser::parse(text, None, vocabulary)
+        parser::parse(text, kind.into(), vocabulary)
     }
 
     /// The expression that is always this number.

@@ -161,7 +161,6 @@ pub struct Mission {
     time_limit_s: f64,
     finish: Finish,
     on_lost: OnLost,
-    on_stall: OnStall,
     numbers: BTreeMap<String, f64>,
     variables: Vec<(String, f64)>,
     /// What variables begin with that do not begin with a number, in the order of the file.
@@ -182,15 +181,6 @@ pub enum OnLost {
     Stop,
     /// The robot stands still until the device is back.
     Pause,
-}
-
-/// What happens when the wheels are blocked.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum OnStall {
-    /// The run ends.
-    Stop,
-    /// The machine that drives the wheels goes to this state.
-    Enter(String),
 }
 
 /// A transition that was taken, by its names.
@@ -383,12 +373,6 @@ impl Mission {
     #[must_use]
     pub fn on_lost(&self) -> OnLost {
         self.on_lost
-    }
-
-    /// What happens when the wheels are blocked.
-    #[must_use]
-    pub fn on_stall(&self) -> &OnStall {
-        &self.on_stall
     }
 
     /// The mission's own numbers and its time limit, by name.

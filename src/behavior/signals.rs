@@ -101,25 +101,21 @@ impl Signals {
         self.time_s = seconds(time_ns);
     }
 
-    /// Notes a signal's value, in metres, seconds, radians. What is not a number counts as lost,
-    /// and so does an infinite value of anything but a distance that a sensor says is beyond its
-    /// reach.
-    pub fn set(&mut self, signal: Signal, value: f64) {
-        let known = value.is_finite() || (value > 0.0 && may_be_infinite(signal));
-        self.values[signal.place()] = known.then_some(value);
-        match signal {
-            Signal::Travelled if known => self.travelled_m = value,
-            Signal::Heading if known => {
-                self.heading_rad = value;
-                self.heading_deg = degrees(wrap_rad(value));
+    /// Notes a signal's value, in metres, seconds, radians; `None` where it is not known any more.
+    /// What is not a number counts as lost, and so does an infinite value of anything but a
+    /// distance that a sensor says is beyond its reach.
+    pub fn set(&mut self, signal: Signal, value: impl Into<Option<f64>>) {
+        let is_known = |value: &f64| value.is_finite() || *value > 0.0 && may_be_infinite(signal);
+        let value = value.into().filter(is_known);
+        self.values[signal.place()] = value;
+        match (signal, value) {
+            (Signal::Travelled, Some(travelled_m)) => self.travelled_m = travelled_m,
+            (Signal::Heading, Some(heading_rad)) => {
+                self.heading_rad = heading_rad;
+                self.heading_deg = degrees(wrap_rad(heading_rad));
             }
             _ => {}
         }
-    }
-
-    /// Notes that a signal is not known any more.
-    pub fn lose(&mut self, signal: Signal) {
-        self.values[signal.place()] = None;
     }
 
     /// A signal's value, if it is known.

@@ -171,7 +171,7 @@ mod tests {
         let pieces = parts(text).unwrap().into_iter().map(|part| match part {
             Piece::Text(words) => Piece::Text(words),
             Piece::Value { value, digits } => Piece::Value {
-                value: Expression::parse_any(&text[value], &mut vocabulary).unwrap(),
+                value: Expression::parse(&text[value], None, &mut vocabulary).unwrap(),
                 digits,
             },
         });

@@ -1,7 +1,9 @@
 //! What several commands do: find a file by path or by name, load a robot, a mission or a world.
 
+use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 #[cfg(feature = "sim")]
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -216,11 +218,11 @@ pub(super) fn method() -> impl TypedValueParser<Value = Method> {
 }
 
 /// Reads an option's number, which must be within limits.
-pub(super) fn number_within(
-    limits: RangeInclusive<f64>,
-) -> impl Fn(&str) -> Result<f64, String> + Clone {
+pub(super) fn number_within<T: FromStr + PartialOrd + Display + Clone>(
+    limits: RangeInclusive<T>,
+) -> impl Fn(&str) -> Result<T, String> + Clone {
     move |text| {
-        let number: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+        let number: T = text.parse().map_err(|_| "not a number".to_owned())?;
         if limits.contains(&number) {
             Ok(number)
         } else {

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::brick::no_brick;
 use super::{Context, Exit, Failure, Output};
-use crate::clock::{Clock, MonotonicClock, SECOND_NS};
+use crate::clock::{MonotonicClock, SECOND_NS};
 use crate::ev3dev::{Inventory, LocalTree, Tree};
 use crate::robot::{Halted, halt, watch_still};
 use crate::runtime::{
@@ -41,12 +41,11 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    let clock = MonotonicClock;
     if arguments.orphaned {
-        return halt_orphans(arguments, &clock, output);
+        return halt_orphans(arguments, output);
     }
     // Whatever comes of it, every motor is told to stop.
-    let stopped_run = stop_owner(&arguments.brick, &clock);
+    let stopped_run = stop_owner(&arguments.brick);
     // A brick without motors is still; a folder that is no brick is a slip, and the robot may be
     // driving elsewhere.
     if !arguments.brick.join("sys/class").is_dir() {
@@ -54,7 +53,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
     let motors = halt(&tree).map_err(|error| cannot_stop(&error))?;
-    let moving = watch_still(&tree, &clock, SECOND_NS).map_err(|error| cannot_stop(&error))?;
+    let moving =
+        watch_still(&tree, &MonotonicClock, SECOND_NS).map_err(|error| cannot_stop(&error))?;
     let (stopped_run, ended) = stopped_run?;
     if let Ok(Some((mut lock, _))) = HardwareLock::take_orphans(&arguments.brick) {
         // They were among those that were just stopped.
@@ -100,12 +100,8 @@ fn cannot_stop(error: &dyn std::error::Error) -> Failure {
 }
 
 /// Stops the motors of a run that was killed with its guard, and no others.
-fn halt_orphans(
-    arguments: &Arguments,
-    clock: &dyn Clock,
-    output: &mut Output,
-) -> Result<(), Failure> {
-    let owner = match stop_orphans(&arguments.brick, clock) {
+fn halt_orphans(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let owner = match stop_orphans(&arguments.brick) {
         Ok(Some(owner)) => owner,
         Ok(None) => {
             output.show("no run has left a motor behind", &json!({ "left_by": null }));
@@ -129,12 +125,12 @@ fn halt_orphans(
 
 /// Asks the run that owns the motors to stop, and ends it by force where it does not listen; the
 /// run, and whether it cannot turn a motor any more.
-fn stop_owner(root: &Path, clock: &dyn Clock) -> Result<(Option<Owner>, bool), Failure> {
+fn stop_owner(root: &Path) -> Result<(Option<Owner>, bool), Failure> {
     const DOING: &str = "cannot see who drives";
     let Some(owner) = HardwareLock::owner(root).context(Exit::Failed, DOING)? else {
         return Ok((None, true));
     };
     let _request = StopRequest::make(root, StopBy::Here);
-    let ended = evict(root, clock, PATIENCE_NS, |_| true).context(Exit::Failed, DOING)?;
+    let ended = evict(root, PATIENCE_NS, |_| true).context(Exit::Failed, DOING)?;
     Ok((Some(owner), ended))
 }

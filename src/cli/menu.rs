@@ -96,12 +96,15 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
     let mut menu =
         Menu::new(MenuOptions { started_by, no_talks: arguments.no_talks(), seed: wall_ns() });
     let socket = &config.socket.path;
+    // Under brickman the menu's end ends the run, and the service sees that end by the end of the
+    // connection for orders.
+    let orders = match started_by {
+        StartedBy::Brickman => Client::of_menu_at(socket),
+        StartedBy::Boot | StartedBy::Terminal => Client::at(socket),
+    };
     let connections: [Box<dyn ServiceConnection>; 2] = [
         Box::new(SocketConnection { client: Client::at(socket), patience: LOOK_PATIENCE }),
-        Box::new(SocketConnection {
-            client: order_client(socket, started_by),
-            patience: ORDER_PATIENCE,
-        }),
+        Box::new(SocketConnection { client: orders, patience: ORDER_PATIENCE }),
     ];
     let mut talker = RobotTalker { brick: arguments.brick.tree(), robot: config.robot.clone() };
     let show = |keys: &mut dyn Keys, display: &mut dyn Display| {
@@ -132,7 +135,9 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
         Failure::new(Exit::Refused, message)
             .hint("onbrick start and onbrick status from a PC, or onbrick run here")
     })?;
-    let mut buttons = open_buttons(arguments)?;
+    let mut buttons = Buttons::open(&tree, platform)
+        .context(Exit::Refused, "there are no buttons")
+        .hint("onbrick menu --window, or --buttons with the input device's path")?;
     let root = arguments.brick.root();
     let path = arguments.screen.clone().unwrap_or_else(|| root.join(built_in.device));
     let mut screen = Screen::open(&path, &root.join(built_in.description))
@@ -151,23 +156,8 @@ const LOOK_PATIENCE: Duration = Duration::from_secs(10);
 /// An order is waited for: giving its connection up would be taken for the menu's end.
 const ORDER_PATIENCE: Duration = Duration::from_secs(60);
 
-/// Under brickman the menu's end ends the run, and the service sees that end by this connection's.
-fn order_client(socket: &Path, started_by: StartedBy) -> Client {
-    match started_by {
-        StartedBy::Brickman => Client::of_menu_at(socket),
-        StartedBy::Boot | StartedBy::Terminal => Client::at(socket),
-    }
-}
-
 fn failed(error: &MenuError) -> Failure {
     Failure::from_error(Exit::Failed, "the menu has ended", error)
-}
-
-fn open_buttons(arguments: &Arguments) -> Result<Buttons, Failure> {
-    let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
-    Buttons::open(&tree, Platform::of(&tree))
-        .context(Exit::Refused, "there are no buttons")
-        .hint("onbrick menu --window, or --buttons with the input device's path")
 }
 
 impl Display for Screen {

@@ -169,9 +169,8 @@ fn here(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let flags = stop_flags()?;
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
     let mut service = Client::at(&config.socket.path);
-    let mut ask = |what: &LocalOnly| {
-        service.ask_own::<Pairing>(what, LOCAL).map_err(|error| no_service(&error))
-    };
+    let mut ask =
+        |what: &LocalOnly| service.ask::<Pairing>(what, LOCAL).map_err(|error| no_service(&error));
     let mut shown = ask(&LocalOnly::PairingWindow { seconds: arguments.window })?;
     let mut answered = false;
     terminal.say(&format!(

@@ -15,7 +15,7 @@ use super::common::{
 use super::folder::RunFolder;
 use super::happenings::Happenings;
 use super::terminal::signals;
-use super::{Exit, Failure, Output};
+use super::{Context as _, Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
 use crate::ev3dev::Tree;
@@ -138,9 +138,8 @@ fn prepare(
     let (mut mission, warnings) = load_mission(&source, &robot.config.capabilities())?;
     warn(&warnings);
     for (name, value) in &arguments.set {
-        mission.set(name, *value).map_err(|error| {
-            Failure::from_error(Exit::Usage, &format!("--set {name}={value}"), &error)
-        })?;
+        let set = mission.set(name, *value);
+        set.context(Exit::Usage, format_args!("--set {name}={value}"))?;
     }
     mission.within_limits().map_err(|error| Failure::from_error(Exit::Usage, "--set", &error))?;
     let (brick, start) = brick(arguments, chosen.is_some().then_some(&robot.config))?;
@@ -174,7 +173,8 @@ fn conclude(ended: &Ended, output: &mut Output) -> Result<(), Failure> {
 /// What a run's end, which the line before has said, means for what comes after this command.
 pub(super) fn verdict(stop: &Stop, file: &Path, output: &mut Output) -> Result<(), Failure> {
     if !stop.reason.is_wanted() {
-        return Err(ended_badly(stop.to_string(), file, output));
+        let (seen, json) = (output.is_one_screen(), output.is_json());
+        return Err(ended_badly(stop.to_string(), file, seen, json));
     }
     // At a page it is one of several.
     output.ends_with(if stop.reason.is_complete() { 0 } else { Exit::Stopped as u8 });
@@ -182,22 +182,14 @@ pub(super) fn verdict(stop: &Stop, file: &Path, output: &mut Output) -> Result<(
 }
 
 /// A run came to no good end, which the line before has said.
-fn ended_badly(why: String, file: &Path, output: &Output) -> Failure {
-    let failure = bad_end(why, file, output.is_one_screen());
-    // What programs read stays as it was.
-    if output.is_json() {
-        failure.hint(format!("onbrick replay {}", in_shell(file)))
-    } else {
-        failure
-    }
-}
-
-/// - `seen`: the line that says why stands right above.
-fn bad_end(why: String, file: &Path, seen: bool) -> Failure {
+///
+/// - `seen`: that line stands right above.
+/// - `json`: a program reads it, and what programs read stays as it was.
+fn ended_badly(why: String, file: &Path, seen: bool, json: bool) -> Failure {
     let message =
         if seen { "the run did not come to a good end, as said above".into() } else { why };
     let file = in_shell(file);
-    Failure::failed(message).hint(if cfg!(feature = "host") {
+    Failure::failed(message).hint(if cfg!(feature = "host") && !json {
         format!("onbrick plot {file} -o run.html, to see where it was; onbrick replay {file}")
     } else {
         format!("onbrick replay {file}")
@@ -329,7 +321,8 @@ mod tests {
 
     #[test]
     fn why_a_run_ended_badly_is_not_said_twice_on_one_screen() {
-        let said = |seen| bad_end("it fell".to_owned(), Path::new("my r.mcap"), seen).to_text();
+        let said =
+            |seen| ended_badly("it fell".to_owned(), Path::new("my r.mcap"), seen, false).to_text();
         assert!(said(false).starts_with("error: it fell\n  try: onbrick "), "{}", said(false));
         assert!(!said(true).contains("it fell"), "{}", said(true));
         for seen in [true, false] {
@@ -348,7 +341,7 @@ mod tests {
 
     #[test]
     fn a_program_reads_why_a_run_ended_badly_as_ever() {
-        let failure = ended_badly("it fell".to_owned(), Path::new("r.mcap"), &Output::new(true));
+        let failure = ended_badly("it fell".to_owned(), Path::new("r.mcap"), false, true);
         assert_eq!(failure.to_text(), "error: it fell\n  try: onbrick replay r.mcap");
     }
 }

@@ -10,7 +10,9 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::common::{chosen_robot, load_robot, load_world, read_own, warn, write_file};
+use super::common::{
+    chosen_robot, load_robot, load_world, number_within, read_own, warn, write_file,
+};
 use super::terminal::stop_flags;
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
@@ -53,7 +55,7 @@ pub(super) struct Arguments {
     #[arg(long)]
     robot: Option<PathBuf>,
     /// How many robots are in it; each takes one of the world's start poses.
-    #[arg(long, default_value_t = 1, value_parser = robots)]
+    #[arg(long, default_value_t = 1, value_parser = number_within(1..=100_usize))]
     robots: usize,
     /// Which board it is; other boards than the EV3 call ports otherwise, and most of them do not
     /// find out what is plugged in.
@@ -464,9 +466,4 @@ fn tell(
 
 fn native_bits() -> &'static str {
     if EventLayout::NATIVE == EventLayout::Bits32 { "32" } else { "64" }
-}
-
-fn robots(text: &str) -> Result<usize, String> {
-    let robots: usize = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (1..=100).contains(&robots) { Ok(robots) } else { Err("it can be 1 to 100".to_owned()) }
 }

@@ -32,8 +32,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use serde::de::DeserializeOwned;
-
 use super::curve::NoCurve;
 use super::keys::{KeyPair, PublicKey};
 use crate::behavior::{Capabilities, Mission};
@@ -249,19 +247,13 @@ impl Client {
         self.most_bytes = bytes;
     }
 
-    /// Where the brick is thought to be.
-    #[must_use]
-    pub fn address(&self) -> &str {
-        &self.line.written
-    }
-
     /// How the brick is.
     ///
     /// # Errors
     ///
     /// [`ClientError`], as for every request here.
     pub fn status(&mut self) -> Result<Status, ClientError> {
-        self.ask(&Request::Status)
+        self.line.ask(&Request::Status)
     }
 
     /// Which missions it has.
@@ -270,7 +262,7 @@ impl Client {
     ///
     /// [`ClientError`].
     pub fn missions(&mut self) -> Result<Missions, ClientError> {
-        self.ask(&Request::Missions)
+        self.line.ask(&Request::Missions)
     }
 
     /// Starts a mission, at a pose (metres, metres, degrees) and with numbers of its own set
@@ -310,7 +302,7 @@ impl Client {
         let until_ns = self.line.deadline_ns();
         loop {
             start.token = Some(self.status()?.token);
-            match self.ask(&Request::Start(start.clone())) {
+            match self.line.ask(&Request::Start(start.clone())) {
                 // It was under way for too long; the next one has a fresh token.
                 Err(ClientError::Refused(refusal))
                     if refusal.kind == Kind::StaleToken && MonotonicClock.now_ns() < until_ns => {}
@@ -325,7 +317,7 @@ impl Client {
     ///
     /// [`ClientError`].
     pub fn stop(&mut self, run: Option<&RunId>) -> Result<Stopped, ClientError> {
-        self.ask(&Request::Stop { run: run.cloned() })
+        self.line.ask(&Request::Stop { run: run.cloned() })
     }
 
     /// Which runs are on its disk.
@@ -334,7 +326,7 @@ impl Client {
     ///
     /// [`ClientError`].
     pub fn runs(&mut self) -> Result<Runs, ClientError> {
-        self.ask(&Request::Runs)
+        self.line.ask(&Request::Runs)
     }
 
     /// Makes it beep and blink.
@@ -343,7 +335,7 @@ impl Client {
     ///
     /// [`ClientError`].
     pub fn identify(&mut self) -> Result<Done, ClientError> {
-        self.ask(&Request::Identify)
+        self.line.ask(&Request::Identify)
     }
 
     /// What is plugged in and what it reads, between runs.
@@ -352,7 +344,7 @@ impl Client {
     ///
     /// [`ClientError`].
     pub fn live(&mut self) -> Result<Live, ClientError> {
-        self.ask(&Request::Live)
+        self.line.ask(&Request::Live)
     }
 
     /// Brings a run's recording home into a file, and follows it to its end where it is going on.
@@ -374,12 +366,6 @@ impl Client {
         watch: &mut dyn FnMut(&FetchProgress),
     ) -> Result<FetchProgress, ClientError> {
         fetch::fetch(&mut self.line, run, file, self.most_bytes, watch)
-    }
-
-    /// Asks, and takes the answer apart.
-    fn ask<T: DeserializeOwned>(&mut self, request: &Request) -> Result<T, ClientError> {
-        let (value, _) = self.line.ask(request)?;
-        self.line.understood(value)
     }
 }
 

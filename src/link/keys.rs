@@ -22,7 +22,7 @@
 //! - A process that can read `own.key` can act as this machine. A file that others can read is
 //!   refused, as ssh does.
 
-use std::fmt::{self, Write as _};
+use std::fmt;
 use std::fs::{DirBuilder, File};
 use std::io::{self, Read};
 use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
@@ -34,6 +34,7 @@ use super::curve::{self, NoCurve};
 use crate::document::save::{Readers, SaveError, create};
 use crate::document::{Document, Findings, Item};
 use crate::protocol::{Name, NoName};
+use crate::service::digest::hex;
 
 mod authorised;
 mod known;
@@ -92,13 +93,7 @@ impl PublicKey {
     /// compared.
     #[must_use]
     pub fn fingerprint(&self) -> String {
-        let hash = Sha256::digest(self.0);
-        let mut text = String::new();
-        for (place, byte) in hash.iter().take(8).enumerate() {
-            let dash = if place > 0 && place % 2 == 0 { "-" } else { "" };
-            let _ = write!(text, "{dash}{byte:02x}");
-        }
-        text
+        Sha256::digest(self.0).chunks(2).take(4).map(hex).collect::<Vec<_>>().join("-")
     }
 }
 

@@ -196,17 +196,11 @@ impl TryFrom<String> for Hex {
     type Error = &'static str;
 
     fn try_from(text: String) -> Result<Self, Self::Error> {
-        const WRONG: &str = "64 digits of hexadecimal are expected";
-        let pair = |pair: &[u8]| {
-            std::str::from_utf8(pair).ok().and_then(|pair| u8::from_str_radix(pair, 16).ok())
-        };
-        let bytes: Option<Vec<u8>> = text.as_bytes().chunks(2).map(pair).collect();
-        let is_hexadecimal = text.len() == 64 && text.bytes().all(|sign| sign.is_ascii_hexdigit());
-        bytes
-            .filter(|_| is_hexadecimal)
-            .and_then(|bytes| bytes.try_into().ok())
-            .map(Self)
-            .ok_or(WRONG)
+        if text.len() != 64 || !text.bytes().all(|sign| sign.is_ascii_hexdigit()) {
+            return Err("64 digits of hexadecimal are expected");
+        }
+        let byte = |at: usize| u8::from_str_radix(&text[2 * at..2 * at + 2], 16).unwrap_or(0);
+        Ok(Self(std::array::from_fn(byte)))
     }
 }
 

@@ -170,7 +170,10 @@ impl Menu {
         let is_fault = status.state == State::Fault;
         let ended = match (&status.last, &status.robot) {
             (Some(last), _) if is_fault || was_running => last.clone(),
-            (_, Some(finding)) if is_fault => not_in_order(finding),
+            // Why a brick cannot start a run is shown in the same form as how one ended.
+            (_, Some(finding)) if is_fault => {
+                LastStop::new(None, "", StopReason::Robot.with(finding.clone()))
+            }
             _ => {
                 // A fault that was acknowledged elsewhere.
                 if !is_fault && self.ended.as_ref().is_some_and(|ended| !ended.is_wanted()) {
@@ -236,11 +239,6 @@ impl Menu {
             self.asks.order(LocalOnly::Jog { port, percent: 0 });
         }
     }
-}
-
-/// A brick that cannot start a run says why in the same form as a run that ended.
-fn not_in_order(finding: &str) -> LastStop {
-    LastStop::new(None, "", StopReason::Robot.with(finding.to_owned()))
 }
 
 fn read<T: DeserializeOwned>(answer: Answer) -> Option<T> {

@@ -127,6 +127,15 @@ pub struct RunStatus {
     pub progress: Option<recording::Status>,
 }
 
+impl RunStatus {
+    /// One that has just begun.
+    #[must_use]
+    pub fn new(run: RunId, mission: &str, time_limit_s: f64, by: &str) -> Self {
+        let (mission, by) = (mission.to_owned(), by.to_owned());
+        Self { run, mission, time_limit_s, by, waits: None, progress: None }
+    }
+}
+
 /// How the last run ended.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LastStop {

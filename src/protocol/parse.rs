@@ -18,6 +18,12 @@ pub struct NotUnderstood {
     pub refusal: Refusal,
 }
 
+impl From<Refusal> for NotUnderstood {
+    fn from(refusal: Refusal) -> Self {
+        Self { id: None, refusal }
+    }
+}
+
 /// Operations of [`Request`].
 const SHARED: [&str; 8] =
     ["status", "missions", "start", "stop", "runs", "fetch", "identify", "live"];
@@ -77,30 +83,22 @@ pub fn parse_local(bytes: &[u8]) -> Result<Asked<LocalRequest>, NotUnderstood> {
 }
 
 fn envelope(bytes: &[u8], known: &[&[&str]]) -> Result<Envelope, NotUnderstood> {
-    let refuse = |id: Option<Id>, kind, message: String| NotUnderstood {
-        id,
-        refusal: Refusal::new(kind, message),
-    };
     if bytes.len() > MAX_REQUEST_BYTES {
         let message =
             format!("the request has {} bytes, and {MAX_REQUEST_BYTES} are the most", bytes.len());
-        return Err(refuse(None, Kind::BadRequest, message));
+        return Err(Refusal::bad_request(message).into());
     }
     if bytes.trim_ascii_start().first() != Some(&b'{') {
-        let message = "not a request: it is no object in JSON".to_owned();
-        return Err(refuse(None, Kind::BadRequest, message));
+        return Err(Refusal::bad_request("not a request: it is no object in JSON").into());
     }
     let envelope: Envelope = serde_json::from_slice(bytes).map_err(|error| {
         // A request that can be read at all is answered under its own name.
         let message = format!("not a request: {}", said::<Envelope>(bytes, &error));
-        refuse(id_of(bytes), Kind::BadRequest, message)
+        NotUnderstood { id: id_of(bytes), refusal: Refusal::bad_request(message) }
     })?;
     if matches!(&envelope.id, Id::Text(text) if text.len() > MAX_ID_BYTES) {
-        return Err(refuse(
-            None,
-            Kind::BadRequest,
-            format!("an id has at most {MAX_ID_BYTES} bytes"),
-        ));
+        let message = format!("an id has at most {MAX_ID_BYTES} bytes");
+        return Err(Refusal::bad_request(message).into());
     }
     if envelope.version != VERSION {
         let refusal = Refusal::of_version(envelope.version);
@@ -110,7 +108,8 @@ fn envelope(bytes: &[u8], known: &[&[&str]]) -> Result<Envelope, NotUnderstood> 
         let op = printable::name(&envelope.op);
         let names = known.concat().join(", ");
         let message = format!("there is no operation `{op}`; there are {names}");
-        return Err(refuse(Some(envelope.id), Kind::UnknownOperation, message));
+        let refusal = Refusal::new(Kind::UnknownOperation, message);
+        return Err(NotUnderstood { id: Some(envelope.id), refusal });
     }
     Ok(envelope)
 }

@@ -1,35 +1,25 @@
 //! What a reply says, as it is read: texts of a brick, which are shown to people.
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
-use super::{Id, Outcome, Refusal, Reply};
+use super::{Outcome, Refusal};
 use crate::printable::{line, lines};
 
 /// The fields that may have lines of their own: findings, and refusals with findings in them. Every
 /// other text of a reply stands in a line.
 const OF_SEVERAL_LINES: [&str; 5] = ["message", "hint", "findings", "robot", "detail"];
 
-/// A reply as it came.
-#[derive(Deserialize)]
-pub(super) struct AsItCame {
-    id: Option<Id>,
-    #[serde(flatten)]
-    outcome: Outcome,
-}
-
-impl From<AsItCame> for Reply {
-    fn from(AsItCame { id, outcome }: AsItCame) -> Self {
-        let outcome = match outcome {
-            Outcome::Ok(value) => Outcome::Ok(shown(value, false)),
-            Outcome::Error(Refusal { kind, message, hint }) => Outcome::Error(Refusal {
-                kind,
-                message: lines(&message).into_owned(),
-                hint: hint.map(|hint| lines(&hint).into_owned()),
-            }),
-        };
-        Self { id, outcome }
-    }
+/// What is answered, as it may be shown.
+pub(super) fn outcome<'r, D: Deserializer<'r>>(reply: D) -> Result<Outcome, D::Error> {
+    Ok(match Outcome::deserialize(reply)? {
+        Outcome::Ok(value) => Outcome::Ok(shown(value, false)),
+        Outcome::Error(Refusal { kind, message, hint }) => Outcome::Error(Refusal {
+            kind,
+            message: lines(&message).into_owned(),
+            hint: hint.map(|hint| lines(&hint).into_owned()),
+        }),
+    })
 }
 
 /// The same value with texts that may be shown.
@@ -54,6 +44,7 @@ fn shown(value: Value, of_several_lines: bool) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::protocol::Reply;
 
     fn read(text: &str) -> Outcome {
         serde_json::from_str::<Reply>(text).unwrap().outcome

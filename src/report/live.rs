@@ -137,9 +137,7 @@ impl Board {
     pub fn pace(&self) -> Option<Option<f64>> {
         lock(&self.0).clock().map(PacedClock::pace)
     }
-}
 
-impl Board {
     /// The wishes that can be granted.
     pub(crate) fn grants(&self, granted: &[Wish]) {
         lock(&self.0).granted = granted.to_vec();
@@ -154,10 +152,7 @@ impl Board {
             ("/screen", None) => {
                 return self.screen(asked.query).map_or(Shown::Nothing, Shown::Png);
             }
-            (path, None) => {
-                let part = PARTS.iter().find(|(place, ..)| *place == path);
-                return part.map_or(Shown::Nothing, |(_, kind, text)| Shown::file(*kind, text));
-            }
+            (path, None) => return Shown::part(&PARTS, path),
             ("/order", Some(text)) => self.order(text),
             ("/pace", Some(word)) => lock(&self.0).set_pace(word),
             ("/wish", Some(word)) => self.wish(word).map(grant),

@@ -219,12 +219,8 @@ pub fn csv(timelines: &[Timeline]) -> String {
             }
         }
     }
-    let mut text = String::from("time_s,robot");
-    for name in &names {
-        text.push(',');
-        text.push_str(&csv_text(name));
-    }
-    text.push('\n');
+    let head: String = names.iter().map(|name| format!(",{}", csv_text(name))).collect();
+    let mut text = format!("time_s,robot{head}\n");
     for timeline in timelines {
         let robot = csv_text(&timeline.robot);
         let columns: Vec<(Option<&Signal>, Option<&Texts>)> = names

@@ -21,7 +21,7 @@
 //!
 //! A run that does not stop within [`PATIENCE_NS`] when it is asked to is ended by force: its first
 //! process is killed. Whenever that is gone without a last word, [`RunProcess::wait`] sees to it
-//! that control is gone, too, or has stopped its motors ([`evict()`]).
+//! that control is gone, too, or has stopped its motors ([`end_by_force`]).
 //!
 //! # Not here
 //!
@@ -40,10 +40,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Brick, Ended, Event, Job, LockError, OrphansError, Owner, PATIENCE_NS, Stop, StopFlags, evict,
-    stop_orphans,
-};
+use super::{Brick, Ended, Event, Job, Owner, PATIENCE_NS, Stop, StopFlags, end_by_force};
 use crate::clock::{Clock, MonotonicClock};
 use crate::ev3dev::Tree as _;
 use crate::printable::{json_line, with_causes};
@@ -236,8 +233,11 @@ impl RunProcess {
                     "the process that drives"
                 },
                 status,
-                forced: self.stopper.has_forced(),
-                stopped: self.root.as_ref().is_none_or(|root| see_to_motors(root, self.child.id())),
+                forced: lock(&self.stopper.inner).forced,
+                stopped: self
+                    .root
+                    .as_ref()
+                    .is_none_or(|root| see_to_motors(root, self.stopper.process)),
             }),
         }
     }
@@ -251,22 +251,9 @@ impl Drop for RunProcess {
 
 /// The guard is gone: true once control has stopped the motors, or is gone and the motors are
 /// still.
-fn see_to_motors(root: &Path, guard: u32) -> bool {
-    let of_run = |owner: &Owner| {
-        [Some(owner.pid), owner.guard]
-            .into_iter()
-            .flatten()
-            .any(|pid| u32::try_from(pid) == Ok(guard))
-    };
-    let seen_to =
-        evict(root, &MonotonicClock, 0, of_run).map_err(OrphansError::from).and_then(|gone| {
-            match stop_orphans(root, &MonotonicClock) {
-                // It is finishing its recording, or another run has begun.
-                Err(OrphansError::Lock(LockError::Taken(_))) => Ok(gone),
-                stopped => stopped.map(|_| gone),
-            }
-        });
-    seen_to.unwrap_or_else(|error| {
+fn see_to_motors(root: &Path, guard: Pid) -> bool {
+    let of_run = |owner: &Owner| [Some(owner.pid), owner.guard].contains(&Some(guard.as_raw()));
+    end_by_force(root, 0, of_run).unwrap_or_else(|error| {
         log::error!("{}", with_causes(&error));
         false
     })
@@ -343,10 +330,6 @@ impl Stopper {
 
     fn obeyed(&self) {
         lock(&self.inner).obeyed = true;
-    }
-
-    fn has_forced(&self) -> bool {
-        lock(&self.inner).forced
     }
 
     fn close(&self) {

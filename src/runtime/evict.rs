@@ -19,7 +19,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
 use super::{HardwareLock, LockError, Owner};
-use crate::clock::{Clock, MILLISECOND_NS};
+use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::ev3dev::{LocalTree, PortAddress, Tree};
 use crate::robot::{HaltError, still};
 
@@ -64,33 +64,26 @@ pub enum OrphansError {
 /// [`LockError::Io`].
 pub fn evict(
     root: &Path,
-    clock: &dyn Clock,
     patience_ns: i64,
     which: impl Fn(&Owner) -> bool,
 ) -> Result<bool, LockError> {
     let of_run = || Ok(HardwareLock::owner(root)?.filter(|owner| which(owner)));
     let has_yielded = || Ok(of_run()?.is_none_or(|owner| is_finishing(root, &owner)));
-    if wait_until(clock, patience_ns, &has_yielded)? {
+    if wait_until(patience_ns, &has_yielded)? {
         return Ok(true);
     }
     let Some(owner) = of_run()? else { return Ok(true) };
     for (process, patience_ns) in [(owner.guard, YIELDING_NS), (Some(owner.pid), DYING_NS)] {
         let Some(process) = process else { continue };
-        // One that is gone, or of another user, shows below.
-        let _ = signal(root, process, Signal::SIGKILL);
-        if wait_until(clock, patience_ns, &has_yielded)? {
+        if HardwareLock::is_held_by(root, process) {
+            // One that is gone, or of another user, shows below.
+            let _ = kill(Pid::from_raw(process), Signal::SIGKILL);
+        }
+        if wait_until(patience_ns, &has_yielded)? {
             return Ok(true);
         }
     }
     Ok(false)
-}
-
-/// Sends a signal to a process of the run that has the hardware below `root`; to no other.
-fn signal(root: &Path, process: i32, signal: Signal) -> nix::Result<()> {
-    if !HardwareLock::is_held_by(root, process) {
-        return Err(Errno::ESRCH);
-    }
-    kill(Pid::from_raw(process), signal)
 }
 
 /// Stops the motors of a run all of whose processes were killed before they had stopped them, and
@@ -99,15 +92,34 @@ fn signal(root: &Path, process: i32, signal: Signal) -> nix::Result<()> {
 /// # Errors
 ///
 /// [`OrphansError`].
-pub fn stop_orphans(root: &Path, clock: &dyn Clock) -> Result<Option<Owner>, OrphansError> {
+pub fn stop_orphans(root: &Path) -> Result<Option<Owner>, OrphansError> {
     let Some((mut lock, owner)) = HardwareLock::take_orphans(root)? else { return Ok(None) };
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(root));
     // An invalid address fits no motor.
     let ports: Vec<PortAddress> =
         owner.motors.iter().filter_map(|motor| motor.parse().ok()).collect();
-    still(&tree, &ports, clock)?;
+    still(&tree, &ports, &MonotonicClock)?;
     lock.nothing_turns()?;
     Ok(Some(owner))
+}
+
+/// Evicts the run that `which` means ([`evict`]), and stops the motors that it left
+/// ([`stop_orphans`]). False where a process of it cannot be killed.
+///
+/// # Errors
+///
+/// [`OrphansError`], but not for a run that yielded and is finishing its recording, or one that has
+/// begun since: those see to their motors themselves.
+pub fn end_by_force(
+    root: &Path,
+    patience_ns: i64,
+    which: impl Fn(&Owner) -> bool,
+) -> Result<bool, OrphansError> {
+    let is_over = evict(root, patience_ns, which)?;
+    match stop_orphans(root) {
+        Ok(_) | Err(OrphansError::Lock(LockError::Taken(_))) => Ok(is_over),
+        Err(error) => Err(error),
+    }
 }
 
 /// True where the process that drove has stopped its motors and lives: it is finishing its
@@ -118,18 +130,17 @@ fn is_finishing(root: &Path, owner: &Owner) -> bool {
 }
 
 fn wait_until(
-    clock: &dyn Clock,
     patience_ns: i64,
     is_so: &dyn Fn() -> Result<bool, LockError>,
 ) -> Result<bool, LockError> {
-    let deadline_ns = clock.now_ns() + patience_ns;
+    let deadline_ns = MonotonicClock.now_ns() + patience_ns;
     loop {
         if is_so()? {
             return Ok(true);
         }
-        if clock.now_ns() >= deadline_ns {
+        if MonotonicClock.now_ns() >= deadline_ns {
             return Ok(false);
         }
-        clock.sleep_ns(LOOK_NS);
+        MonotonicClock.sleep_ns(LOOK_NS);
     }
 }

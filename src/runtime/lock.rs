@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use super::open_files;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+use crate::document::if_there;
 use crate::printable::{json_line, line};
 
 /// How long to wait for a process that only reads the owner, nanoseconds: some system calls, and on
@@ -223,11 +224,7 @@ pub(super) fn open(path: &Path) -> io::Result<File> {
 
 /// `None` if the lock has never been held.
 pub(super) fn open_existing(path: &Path, how: &mut OpenOptions) -> io::Result<Option<File>> {
-    match how.read(true).custom_flags(nix::libc::O_NOFOLLOW | nix::libc::O_CLOEXEC).open(path) {
-        Ok(file) => Ok(Some(file)),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(error),
-    }
+    if_there(how.read(true).custom_flags(nix::libc::O_NOFOLLOW | nix::libc::O_CLOEXEC).open(path))
 }
 
 fn write_owner(file: &File, owner: &Owner) -> io::Result<()> {

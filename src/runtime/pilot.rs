@@ -403,18 +403,11 @@ impl Pilot {
         ];
         self.signals.set_time_ns(senses.time_ns);
         for (signal, value) in estimated {
-            note(&mut self.signals, signal, value);
+            self.signals.set(signal, value);
         }
         for &channel in &self.sensed {
             let value = self.fresh(senses, channel);
-            note(&mut self.signals, Signal::Sensed(channel), value);
+            self.signals.set(Signal::Sensed(channel), value);
         }
-    }
-}
-
-fn note(signals: &mut Signals, signal: Signal, value: Option<f64>) {
-    match value {
-        Some(value) => signals.set(signal, value),
-        None => signals.lose(signal),
     }
 }

@@ -110,27 +110,15 @@ impl Client {
         Self { menu: true, ..Self::at(socket) }
     }
 
-    /// Asks what the network may ask as well.
+    /// Asks for what the network may ask as well, a [`Request`], or for what only the local socket
+    /// answers, a [`LocalOnly`].
     ///
     /// # Errors
     ///
     /// [`ClientError`]; the next question reconnects if the connection is gone.
     pub fn ask<T: DeserializeOwned>(
         &mut self,
-        request: &Request,
-        patience: Duration,
-    ) -> Result<T, ClientError> {
-        understood(self.exchange(request, patience)?.value)
-    }
-
-    /// Asks what only the local socket answers.
-    ///
-    /// # Errors
-    ///
-    /// As [`Client::ask`].
-    pub fn ask_own<T: DeserializeOwned>(
-        &mut self,
-        request: &LocalOnly,
+        request: &impl Serialize,
         patience: Duration,
     ) -> Result<T, ClientError> {
         understood(self.exchange(request, patience)?.value)

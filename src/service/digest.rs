@@ -1,6 +1,5 @@
 //! SHA-256 in hexadecimal, of bytes and of files.
 
-use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
@@ -29,10 +28,7 @@ pub(crate) fn sha256_hex_of(path: &Path) -> io::Result<String> {
 
 /// Any bytes in hexadecimal.
 pub(crate) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]

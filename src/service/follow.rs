@@ -61,14 +61,8 @@ impl Service {
     fn take_over(&self, record: &Record, file: PathBuf) -> io::Result<()> {
         let inner = &self.inner;
         inner.store.goes_on(&record.run);
-        let run = RunStatus {
-            run: record.run.clone(),
-            mission: record.mission.clone(),
-            time_limit_s: record.time_limit_s,
-            by: record.by.clone(),
-            waits: None,
-            progress: None,
-        };
+        let Record { run, mission, time_limit_s, by, .. } = record;
+        let run = RunStatus::new(run.clone(), mission, *time_limit_s, by);
         {
             let mut now = lock(&inner.now);
             // Nothing else runs: that was looked at before.

@@ -152,15 +152,7 @@ impl Hardware {
             release(&mut held);
         }
         #[cfg(feature = "sim")]
-        {
-            let mut simulated = lock(&self.simulated);
-            if simulated
-                .as_ref()
-                .is_some_and(|(used_ns, _)| now_ns.saturating_sub(*used_ns) > FORGET_NS)
-            {
-                *simulated = None;
-            }
-        }
+        lock(&self.simulated).take_if(|(used_ns, _)| now_ns.saturating_sub(*used_ns) > FORGET_NS);
     }
 
     /// Stops a jog and lets go of the hardware: a run begins.

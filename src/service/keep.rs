@@ -28,7 +28,14 @@ const HASHER_PATIENCE: Duration = Duration::from_secs(2);
 impl Service {
     /// Begins to keep, in threads of its own that last as long as the process.
     pub(super) fn keep(&self) -> io::Result<()> {
-        let mut keeper = Keeper::new(Arc::clone(&self.inner));
+        let mut keeper = Keeper {
+            inner: Arc::clone(&self.inner),
+            signs: Signs::default(),
+            looked_ns: MonotonicClock.now_ns(),
+            robot: None,
+            found: None,
+            clock: None,
+        };
         // Once before the first request.
         keeper.look();
         spawn("keeper", move || keeper.keep())?;
@@ -51,17 +58,6 @@ struct Keeper {
 }
 
 impl Keeper {
-    fn new(inner: Arc<Inner>) -> Self {
-        Self {
-            inner,
-            signs: Signs::default(),
-            looked_ns: MonotonicClock.now_ns(),
-            robot: None,
-            found: None,
-            clock: None,
-        }
-    }
-
     fn keep(mut self) {
         loop {
             let now_ns = MonotonicClock.now_ns();

@@ -23,12 +23,13 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use nix::sys::socket::{getsockopt, sockopt::PeerCredentials};
+use nix::unistd::Gid;
 
 use super::config::SocketConfig;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::printable::json_line;
 use crate::protocol::{
-    Answer, Asked, Caller, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Operations, Outcome,
+    Answer, Asked, Caller, Id, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Operations,
     Refusal, Reply, Request, parse_local,
 };
 use crate::runtime::groups;
@@ -108,15 +109,11 @@ impl Drop for LocalSocket {
 fn listen(config: &SocketConfig) -> Result<UnixListener, SocketError> {
     let path = &config.path;
     let failed = |source| SocketError::Io { path: path.clone(), source };
-    let group = match &config.group {
-        Some(name) => Some(
-            groups::number_of(name)
-                .map_err(failed)?
-                .ok_or_else(|| SocketError::NoGroup(name.clone()))?
-                .as_raw(),
-        ),
-        None => None,
+    let number = |name: &String| {
+        let found = groups::number_of(name).map_err(failed)?;
+        found.ok_or_else(|| SocketError::NoGroup(name.clone()))
     };
+    let group = config.group.as_ref().map(number).transpose()?;
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(failed)?;
     }
@@ -124,7 +121,7 @@ fn listen(config: &SocketConfig) -> Result<UnixListener, SocketError> {
     let listener = UnixListener::bind(path).map_err(failed)?;
     // Until here the usual umask lets only our own user write to it, that is, connect.
     if group.is_some() {
-        chown(path, None, group).map_err(failed)?;
+        chown(path, None, group.map(Gid::as_raw)).map_err(failed)?;
     }
     std::fs::set_permissions(path, std::fs::Permissions::from_mode(MODE)).map_err(failed)?;
     Ok(listener)
@@ -158,8 +155,7 @@ impl Clients {
                 Err(error) => {
                     // Too many open files, as a rule: clients leave in time.
                     log::warn!("the local socket accepts no connection: {error}");
-                    let clock = MonotonicClock;
-                    clock.sleep_ns(100 * MILLISECOND_NS);
+                    MonotonicClock.sleep_ns(100 * MILLISECOND_NS);
                 }
             }
         }
@@ -172,7 +168,7 @@ impl Clients {
                 Refusal::new(Kind::TooMany, format!("{MAX_CLIENTS} clients are connected already"));
             // It has just come, so a line fits into its buffer; if not, it is left without a word.
             let _ = stream.set_nonblocking(true);
-            let _ = send(&mut &stream, &Reply { id: None, outcome: Outcome::Error(refusal) }, None);
+            let _ = send(&stream, None, Err(refusal));
             return;
         }
         let thread = std::thread::Builder::new().name("client".to_owned()).stack_size(STACK_BYTES);
@@ -226,14 +222,13 @@ impl ClientThread {
                         "a request has at most {MAX_REQUEST_BYTES} bytes, and ends with a \
                          line's end"
                     );
-                    let outcome = Outcome::Error(Refusal::bad_request(message));
                     // What follows in the stream cannot be told from the rest of it.
-                    return send(&mut &*stream, &Reply { id: None, outcome }, None);
+                    return send(stream, None, Err(Refusal::bad_request(message)));
                 }
                 LineRead::Whole => {}
             }
-            let (reply, bytes) = self.answer(&line, caller, at_end);
-            send(&mut &*stream, &reply, bytes.as_deref())?;
+            let (id, answered) = self.answer(&line, caller, at_end);
+            send(stream, id, answered)?;
         }
     }
 
@@ -268,8 +263,8 @@ impl ClientThread {
         line: &[u8],
         caller: &mut Caller,
         at_end: &mut Option<LocalRequest>,
-    ) -> (Reply, Option<Vec<u8>>) {
-        let (id, answered) = match parse_local(line) {
+    ) -> (Option<Id>, Result<Answer, Refusal>) {
+        match parse_local(line) {
             Ok(Asked { id, request }) => {
                 match &request {
                     LocalRequest::Own(LocalOnly::MenuHere) => {
@@ -285,10 +280,6 @@ impl ClientThread {
                 (Some(id), self.operate(&request, caller))
             }
             Err(error) => (error.id, Err(error.refusal)),
-        };
-        match answered {
-            Ok(Answer { value, bytes }) => (Reply { id, outcome: Outcome::Ok(value) }, bytes),
-            Err(refusal) => (Reply { id, outcome: Outcome::Error(refusal) }, None),
         }
     }
 
@@ -322,7 +313,12 @@ fn read_up_to(
     Ok(line.len())
 }
 
-fn send(stream: &mut impl Write, reply: &Reply, bytes: Option<&[u8]>) -> io::Result<()> {
-    stream.write_all(&json_line(reply)?)?;
-    bytes.map_or(Ok(()), |bytes| stream.write_all(bytes))
+fn send(
+    mut stream: &UnixStream,
+    id: Option<Id>,
+    answered: Result<Answer, Refusal>,
+) -> io::Result<()> {
+    let (reply, bytes) = Reply::to(id, answered);
+    stream.write_all(&json_line(&reply)?)?;
+    bytes.map_or(Ok(()), |bytes| stream.write_all(&bytes))
 }

@@ -1,7 +1,7 @@
 //! Starting a run and stopping it.
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use nix::sys::signal::kill;
@@ -22,8 +22,8 @@ use crate::protocol::{
 };
 use crate::recording;
 use crate::runtime::{
-    HardwareLock, Job, LockError, OrphansError, PATIENCE_NS, RunProcess, StopBy, StopReason,
-    StopRequest, Stopper, evict, stop_orphans,
+    HardwareLock, Job, LockError, PATIENCE_NS, RunProcess, StopBy, StopReason, StopRequest,
+    Stopper, end_by_force,
 };
 use crate::threads::{lock, spawn};
 use crate::units::radians;
@@ -72,23 +72,11 @@ impl Stop {
 /// Ends the run that this process drives by force, should it not stop when it is asked to.
 fn force_later(root: PathBuf, control: i32) -> io::Result<()> {
     spawn("patience", move || {
-        if let Err(error) = force(&root, control, PATIENCE_NS) {
+        if let Err(error) = end_by_force(&root, PATIENCE_NS, |owner| owner.pid == control) {
             log::error!("the run did not stop when it was asked to: {}", with_causes(&error));
         }
     })?;
     Ok(())
-}
-
-/// Waits until the process that drives has stopped its motors, as it was asked to; ends it by force
-/// where it does not. False where it cannot be ended.
-fn force(root: &Path, driving: i32, patience_ns: i64) -> Result<bool, OrphansError> {
-    let clock = &MonotonicClock;
-    let is_over = evict(root, clock, patience_ns, |owner| owner.pid == driving)?;
-    match stop_orphans(root, clock) {
-        // It yielded, and another run may have begun since.
-        Ok(_) | Err(OrphansError::Lock(LockError::Taken(_))) => Ok(is_over),
-        Err(error) => Err(error),
-    }
 }
 
 impl Service {
@@ -117,14 +105,7 @@ impl Service {
         inner.hardware.let_go();
         self.is_free()?;
         let by = named(caller);
-        let run = RunStatus {
-            run: start.run.clone(),
-            mission: mission.name().to_owned(),
-            time_limit_s: mission.time_limit_s(),
-            by: by.clone(),
-            waits: None,
-            progress: None,
-        };
+        let run = RunStatus::new(start.run.clone(), mission.name(), mission.time_limit_s(), &by);
         let record = Record::new(start.run.clone(), &run.mission, run.time_limit_s, &by);
         job.file = inner.store.begin(record)?;
         log::info!("run {}: mission {}, started {}", run.run, run.mission, whose(&by));
@@ -136,7 +117,7 @@ impl Service {
             lock(&inner.now).stop = None;
             inner.happen(Happening::Ended(last));
             inner.store.take_back(&start.run);
-            return Err(Refusal::new(Kind::Failed, why));
+            return Err(Refusal::failed(why));
         }
         Ok(Started { run: start.run.clone(), repeated: false, limited_s })
     }
@@ -206,19 +187,17 @@ impl Service {
         let deadline_ns = MonotonicClock.now_ns() + STOP_PATIENCE_NS;
         loop {
             let is_over = now.machine.run().is_none_or(|now| now.run != running);
-            if let Some(stopped) = now.machine.motors_told() {
+            // One that ended before it drove never told a motor to turn.
+            if let Some(stopped) = now.machine.motors_told().or(is_over.then_some(true)) {
                 return Ok(Stopped { run: Some(running), stopped, other: None });
-            }
-            if is_over {
-                // It ended before it drove: no motor was ever told to turn.
-                return Ok(Stopped { run: Some(running), stopped: true, other: None });
             }
             let left_ns = deadline_ns.saturating_sub(MonotonicClock.now_ns());
             let Ok(left_ns @ 1..) = u64::try_from(left_ns) else {
                 let message =
                     "the run was asked to stop and has not said that the motors were told";
-                return Err(Refusal::new(Kind::Failed, message)
-                    .hint("onbrick halt, to be sure that they are still"));
+                return Err(
+                    Refusal::failed(message).hint("onbrick halt, to be sure that they are still")
+                );
             };
             // It may begin to drive only now and not have had the order when it was asked.
             now = match inner.changed.wait_timeout(now, Duration::from_nanos(left_ns)) {
@@ -239,11 +218,11 @@ impl Service {
         let other = format!("{} (process {})", owner.doing, owner.pid);
         log::info!("asked to stop {other}");
         let failed = |why: String| {
-            Refusal::new(Kind::Failed, format!("{other} cannot be stopped{why}"))
+            Refusal::failed(format!("{other} cannot be stopped{why}"))
                 .hint("onbrick halt on the brick, as root")
         };
         let _request = StopRequest::make(tree.root(), by);
-        match force(tree.root(), owner.pid, STOP_PATIENCE_NS) {
+        match end_by_force(tree.root(), STOP_PATIENCE_NS, |found| found.pid == owner.pid) {
             Ok(true) => Ok(Stopped { other: Some(other), ..none }),
             Ok(false) => Err(failed(String::new())),
             Err(error) => Err(failed(format!(": {}", with_causes(&error)))),
@@ -313,7 +292,7 @@ impl Service {
         let mut set = start.set.clone();
         for (name, value) in &set {
             mission.set(name, *value).map_err(|error| {
-                Refusal::new(Kind::BadRequest, format!("--set {}={value}: {error}", line(name)))
+                Refusal::bad_request(format!("--set {}={value}: {error}", line(name)))
             })?;
         }
         mission
@@ -325,14 +304,11 @@ impl Service {
             set.push((Mission::TIME_LIMIT.to_owned(), limit_s));
             mission
                 .set(Mission::TIME_LIMIT, limit_s)
-                .map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
+                .map_err(|error| Refusal::failed(error.to_string()))?;
         }
         let pose = match start.pose {
             Some(pose) if !pose.iter().all(|number| number.abs() <= FARTHEST) => {
-                return Err(Refusal::new(
-                    Kind::BadRequest,
-                    "a pose's numbers are small and finite",
-                ));
+                return Err(Refusal::bad_request("a pose's numbers are small and finite"));
             }
             Some([x_m, y_m, deg]) => Pose { x_m, y_m, heading_rad: radians(deg) },
             None => inner.place.start,

@@ -137,20 +137,13 @@ pub(super) enum StoreError {
 
 impl From<StoreError> for Refusal {
     fn from(error: StoreError) -> Self {
-        let kind = match &error {
-            StoreError::NoRoom { .. } => Kind::NoRoom,
-            StoreError::Unknown(_) => Kind::UnknownRun,
-            StoreError::GoingOn(_) => Kind::Busy,
-            StoreError::BeyondEnd { .. } => Kind::BeyondEnd,
-            StoreError::Kept(_) | StoreError::Disk { .. } => Kind::Failed,
-        };
-        let hint = match &error {
-            StoreError::NoRoom { .. } => {
-                Some("delete something else from the card, or use a larger one")
-            }
-            StoreError::Unknown(_) => Some("onbrick runs lists them"),
-            StoreError::GoingOn(_) => Some("stop it first"),
-            _ => None,
+        const DELETE: &str = "delete something else from the card, or use a larger one";
+        let (kind, hint) = match &error {
+            StoreError::NoRoom { .. } => (Kind::NoRoom, Some(DELETE)),
+            StoreError::Unknown(_) => (Kind::UnknownRun, Some("onbrick runs lists them")),
+            StoreError::GoingOn(_) => (Kind::Busy, Some("stop it first")),
+            StoreError::BeyondEnd { .. } => (Kind::BeyondEnd, None),
+            StoreError::Kept(_) | StoreError::Disk { .. } => (Kind::Failed, None),
         };
         let refusal = Self::new(kind, error.to_string());
         hint.into_iter().fold(refusal, Self::hint)
@@ -332,7 +325,7 @@ impl Store {
         let length = u32::try_from(bytes.len()).unwrap_or(MAX_FETCH_BYTES);
         let at_end = complete && fetch.offset + u64::from(length) == total;
         if complete && sha256.is_some() && sha256 == fetch.sha256 {
-            self.note_fetched(&fetch.run);
+            self.change(&fetch.run, |record| record.fetched = true);
         }
         let sha256 = sha256.filter(|_| at_end);
         Ok((
@@ -406,10 +399,6 @@ impl Store {
     /// A run's recording.
     pub(super) fn recording(&self, run: &RunId) -> PathBuf {
         self.folder_of(run).join(RECORDING)
-    }
-
-    fn note_fetched(&self, run: &RunId) {
-        self.change(run, |record| record.fetched = true);
     }
 
     fn change(&self, run: &RunId, change: impl FnOnce(&mut Record)) {

@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use onbrick::behavior::mission::{OnLost, OnStall};
+use onbrick::behavior::mission::OnLost;
 use onbrick::behavior::shipped::{self, MISSIONS, TEMPLATE};
 use onbrick::behavior::{
     Capabilities, Demands, Drive, Finish, Mission, MotionLimits, Program, ProgramState, Progress,
@@ -76,9 +76,11 @@ fn the_mapping_mission_is_the_seeds() {
         (mission.rate_hz(), mission.time_limit_s(), mission.finish()),
         (50, 120.0, Finish::All)
     );
+    let drive = &mission.machines()[0];
+    let on_stall = drive.region.on_stall.and_then(|at| drive.state(at));
     assert_eq!(
-        (mission.on_lost(), mission.on_stall()),
-        (OnLost::Stop, &OnStall::Enter("back".to_owned()))
+        (mission.on_lost(), on_stall.map(|state| state.name.as_str())),
+        (OnLost::Stop, Some("back"))
     );
     let mut program = mission.start().unwrap();
     #[rustfmt::skip]
@@ -417,7 +419,7 @@ fn eventful(tick: i64, robot: &Obedient) -> Signals {
         ],
     );
     if tick % 29 == 0 {
-        signals.lose(Signal::Sensed(Channel::Range));
+        signals.set(Signal::Sensed(Channel::Range), None);
     }
     signals
 }

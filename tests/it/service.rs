@@ -105,7 +105,7 @@ impl Served {
 
     #[track_caller]
     pub fn own<T: DeserializeOwned>(&mut self, request: &LocalOnly) -> T {
-        self.client.ask_own(request, PATIENCE).unwrap()
+        self.client.ask(request, PATIENCE).unwrap()
     }
 
     #[track_caller]
@@ -115,7 +115,7 @@ impl Served {
 
     #[track_caller]
     pub fn own_refused(&mut self, request: &LocalOnly) -> Refusal {
-        refusal(self.client.ask_own::<serde_json::Value>(request, PATIENCE))
+        refusal(self.client.ask::<serde_json::Value>(request, PATIENCE))
     }
 
     #[track_caller]

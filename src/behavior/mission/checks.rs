@@ -5,24 +5,25 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use super::load::{Draft, Reader};
-use super::{DrivePlan, MachinePlan, OnStall, TransitionPlan};
+use super::{DrivePlan, MachinePlan, TransitionPlan};
 use crate::behavior::engine::Finish;
 use crate::behavior::expression::{Claims, Vocabulary};
 use crate::document::{Section, Severity, nearest};
 use crate::senses::{Channel, QUANTITIES, Quantity, Role};
 
 /// The key `on_stall`: "stop", or a state of the machine that drives the wheels, which learns it.
-pub(super) fn on_stall(root: &Section<'_>, drafts: &mut [Draft]) -> Option<OnStall> {
-    let Some(item) = root.get("on_stall") else { return Some(OnStall::Stop) };
-    let state = item.text()?;
+/// False where it is neither.
+pub(super) fn on_stall(root: &Section<'_>, drafts: &mut [Draft]) -> bool {
+    let Some(item) = root.get("on_stall") else { return true };
+    let Some(state) = item.text() else { return false };
     if state == "stop" {
-        return Some(OnStall::Stop);
+        return true;
     }
     let Some(driving) = drafts.iter_mut().find(|draft| draft.moves.contains_key(&Role::Wheels))
     else {
         item.error("no machine drives the wheels, so none can go on from a stall")
             .hint("write `on_stall = \"stop\"`");
-        return None;
+        return false;
     };
     driving.plan.region.on_stall = driving.plan.position(state);
     if driving.plan.region.on_stall.is_none() {
@@ -32,9 +33,8 @@ pub(super) fn on_stall(root: &Section<'_>, drafts: &mut [Draft]) -> Option<OnSta
             driving.plan.name
         ))
         .hint(nearest(state, names.chain(["stop"])).unwrap_or_default());
-        return None;
     }
-    Some(OnStall::Enter(state.to_owned()))
+    driving.plan.region.on_stall.is_some()
 }
 
 /// All checks that take more than one key; those of ways only where all that leads somewhere is

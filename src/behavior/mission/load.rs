@@ -119,10 +119,10 @@ impl<'d> Reader<'_, 'd, '_> {
         if drafts.len() < root.items_of("machine").len() {
             return None;
         }
-        let on_stall = checks::on_stall(root, &mut drafts);
+        let knows_stalls = checks::on_stall(root, &mut drafts);
         // A slip in the name of the state for a stall would look like a state that cannot be
         // reached.
-        checks::whole(&self, &drafts, finish.unwrap_or(Finish::All), on_stall.is_some());
+        checks::whole(&self, &drafts, finish.unwrap_or(Finish::All), knows_stalls);
         let used: Vec<Channel> = self.uses.iter().map(|(channel, _)| *channel).collect();
         Some(Mission {
             name: name?,
@@ -130,7 +130,6 @@ impl<'d> Reader<'_, 'd, '_> {
             time_limit_s: time_limit_s?,
             finish: finish?,
             on_lost: on_lost?,
-            on_stall: on_stall?,
             motors: self.vocabulary.motors.names().to_vec(),
             sensors: self.vocabulary.sensors.names().to_vec(),
             numbers: self.vocabulary.numbers,

@@ -29,7 +29,7 @@ pub struct RegionPlan {
     /// Index of the final state, if there is one.
     pub end: Option<u16>,
     /// Where it goes when the wheels are blocked.
-    pub(in crate::behavior) on_stall: Option<u16>,
+    pub on_stall: Option<u16>,
     /// The transitions that are looked at in all states before a state's own, but for the final
     /// state and the one they lead to.
     pub always: Vec<TransitionPlan>,

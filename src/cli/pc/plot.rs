@@ -6,7 +6,7 @@ use clap::ValueEnum as _;
 
 use super::scene::scene_of;
 use crate::cli::common::{LoadedRun, open_runs, write_file};
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::{Context as _, Exit, Failure, Output};
 use crate::recording::Integrity;
 use crate::report::chart::Chart;
 use crate::report::timeline::Timeline;
@@ -57,7 +57,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         }
         names => chart(kind, &runs, names, arguments.title.as_deref())?,
     };
-    let bytes = bytes.map_err(|error| Failure::from_error(Exit::Failed, "cannot draw", &error))?;
+    let bytes = bytes.context(Exit::Failed, "cannot draw")?;
     write_file(&arguments.output, &bytes)?;
     output.wrote(&arguments.output);
     Ok(())
@@ -97,9 +97,8 @@ fn chart(
         return Err(Failure::usage("signals are drawn of one run")
             .hint("once for each run, with -o for each"));
     };
-    let doing = format!("cannot replay {}", loaded.name);
     let timeline = Timeline::of_run(&loaded.run)
-        .map_err(|error| Failure::from_error(Exit::Failed, &doing, &error))?;
+        .context(Exit::Failed, format_args!("cannot replay {}", loaded.name))?;
     // A person puts a space behind a comma.
     let names: Vec<String> = names.iter().map(|name| name.trim().to_owned()).collect();
     let signals = timeline

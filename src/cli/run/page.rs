@@ -182,14 +182,9 @@ struct Screen<'m> {
 impl Screen<'_> {
     fn show(&self, event: &Event) {
         let running = |waits: Option<&String>, progress| {
-            Some(running_picture(&RunStatus {
-                run: RunId::new("here").ok()?,
-                mission: self.mission.name().to_owned(),
-                time_limit_s: self.mission.time_limit_s(),
-                by: "here".to_owned(),
-                waits: waits.cloned(),
-                progress,
-            }))
+            let (run, limit_s) = (RunId::new("here").ok()?, self.mission.time_limit_s());
+            let begun = RunStatus::new(run, self.mission.name(), limit_s, "here");
+            Some(running_picture(&RunStatus { waits: waits.cloned(), progress, ..begun }))
         };
         let picture = match event {
             Event::Preparing { what } => running(Some(what), None),

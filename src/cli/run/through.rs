@@ -95,8 +95,8 @@ pub(super) fn run(
     // This process's end, of whatever kind, ends its run: on one connection the service sees it
     // after the start.
     let mut tie = Client::at(&living.config.socket.path);
-    let tied = tie.ask_own::<Done>(&LocalOnly::StarterHere { run: run.clone() }, PATIENCE);
-    let started = tied.and_then(|_| tie.ask_own::<Started>(&LocalOnly::StartHere(start), PATIENCE));
+    let tied = tie.ask::<Done>(&LocalOnly::StarterHere { run: run.clone() }, PATIENCE);
+    let started = tied.and_then(|_| tie.ask::<Started>(&LocalOnly::StartHere(start), PATIENCE));
     started.map_err(|error| {
         folder.iter().for_each(RunFolder::take_back);
         failure("the run did not start", &error)

@@ -10,7 +10,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
 use super::private::{PrivateError, PrivateView};
-use super::stand_in::StandIn;
+use super::stand_in::{STAND_INS, Speaker};
 use crate::cli::common::own_program;
 use crate::cli::terminal::stop_flags;
 use crate::cli::{Context, Exit, Failure, Hint, Output};
@@ -91,11 +91,14 @@ pub(super) fn stand_in(
     arguments: &[String],
     output: &mut Output,
 ) -> Result<(), Failure> {
-    let stand_in = StandIn::named(name)
+    let (_, stand_in) = STAND_INS
+        .iter()
+        .find(|(known, _)| *known == name)
         .ok_or_else(|| Failure::usage(format!("there is no stand-in for `{name}`")))?;
     let flags = stop_flags()?;
     let mut said = Vec::new();
-    stand_in.run(view, arguments, &|| flags.is_raised(), &mut said).context(Exit::Failed, name)?;
+    let speaker = Speaker { view, ends: &|| flags.is_raised() };
+    stand_in(&speaker, arguments, &mut said).context(Exit::Failed, name)?;
     output.bytes(&said);
     Ok(())
 }

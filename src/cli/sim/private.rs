@@ -35,7 +35,7 @@ use nix::sched::{CloneFlags, unshare};
 use nix::sys::stat::Mode;
 use nix::unistd::{getegid, geteuid};
 
-use super::stand_in::StandIn;
+use super::stand_in::STAND_INS;
 use crate::document::if_there;
 
 /// Of a mounted brick: what takes orders, and the screen.
@@ -317,18 +317,12 @@ fn become_private() -> Result<(), PrivateError> {
 fn stand_ins(program: &Path) -> io::Result<Vec<&'static str>> {
     let folder = Path::new(OURS).join("bin");
     fs::create_dir_all(&folder)?;
-    let mut quoted = b"#!/bin/sh\nexec '".to_vec();
-    for byte in program.as_os_str().as_bytes() {
-        quoted.extend_from_slice(if *byte == b'\'' {
-            b"'\\''"
-        } else {
-            std::slice::from_ref(byte)
-        });
-    }
-    for stand_in in StandIn::ALL {
-        let file = folder.join(stand_in.name());
-        let rest = format!("' sim stand-in {OURS} {} \"$@\"\n", stand_in.name());
-        fs::write(&file, [quoted.as_slice(), rest.as_bytes()].concat())?;
+    let parts: Vec<&[u8]> = program.as_os_str().as_bytes().split(|byte| *byte == b'\'').collect();
+    let quoted = parts.join(&b"'\\''"[..]);
+    for (name, _) in STAND_INS {
+        let file = folder.join(name);
+        let rest = format!("' sim stand-in {OURS} {name} \"$@\"\n");
+        fs::write(&file, [b"#!/bin/sh\nexec '", quoted.as_slice(), rest.as_bytes()].concat())?;
         fs::set_permissions(&file, fs::Permissions::from_mode(0o755))?;
     }
     let python = Path::new(OURS).join("python");
@@ -341,12 +335,11 @@ fn stand_ins(program: &Path) -> io::Result<Vec<&'static str>> {
         return Ok(Vec::new());
     }
     // A file that is there can be covered by itself.
-    let covered = |stand_in: &StandIn| {
-        let target = Path::new(PROGRAMS).join(stand_in.name());
-        target.exists()
-            && Kept::new(&folder.join(stand_in.name())).and_then(|kept| kept.bind(&target)).is_ok()
+    let covered = |name: &&str| {
+        let target = Path::new(PROGRAMS).join(name);
+        target.exists() && Kept::new(&folder.join(name)).and_then(|kept| kept.bind(&target)).is_ok()
     };
-    Ok(StandIn::ALL.into_iter().filter(|stand_in| !covered(stand_in)).map(StandIn::name).collect())
+    Ok(STAND_INS.map(|(name, _)| name).into_iter().filter(|name| !covered(name)).collect())
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@
 
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::clock::{Clock, MonotonicClock, nanoseconds};
 
@@ -29,19 +29,6 @@ const SPEECH_HZ: u32 = 180;
 
 /// How often a sleeper checks whether to end.
 const LOOK_NS: i64 = 10_000_000;
-
-/// One of the programs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum StandIn {
-    /// Tones by frequency and length.
-    Beep,
-    /// A recording (WAV) from a file or the standard input.
-    Aplay,
-    /// Speech, or a recording of it on the standard output.
-    Espeak,
-    /// The volume.
-    Amixer,
-}
 
 /// Why a stand-in did not sound.
 #[derive(Debug, thiserror::Error)]
@@ -69,47 +56,18 @@ struct Note {
     time_s: f64,
 }
 
-impl StandIn {
-    /// All of them.
-    pub(super) const ALL: [Self; 4] = [Self::Beep, Self::Aplay, Self::Espeak, Self::Amixer];
+/// Does what a program would do with these arguments; what goes to the standard output is written
+/// to the last one.
+type StandIn = fn(&Speaker<'_>, &[String], &mut dyn io::Write) -> Result<(), StandInError>;
 
-    /// The program's name.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Beep => "beep",
-            Self::Aplay => "aplay",
-            Self::Espeak => "espeak",
-            Self::Amixer => "amixer",
-        }
-    }
-
-    /// The one with a name; `None` if there is none.
-    pub(super) fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|stand_in| stand_in.name() == name)
-    }
-
-    /// Does what the program would do; `view` is the folder with the brick's `sim` in it, `ends` is
-    /// asked whether to end early, and what goes to the standard output is written to `out`.
-    ///
-    /// # Errors
-    ///
-    /// [`StandInError`].
-    pub(super) fn run(
-        self,
-        view: &Path,
-        arguments: &[String],
-        ends: &dyn Fn() -> bool,
-        out: &mut dyn io::Write,
-    ) -> Result<(), StandInError> {
-        let speaker = Speaker { orders: view.join("sim/orders"), ends };
-        match self {
-            Self::Beep => speaker.play(&beep(arguments)?),
-            Self::Aplay => speaker.play(&heard(&recording(arguments)?)),
-            Self::Espeak => speaker.speak(&Speech::read(arguments)?, out),
-            Self::Amixer => amixer(&view.join("volume"), arguments, out),
-        }
-    }
-}
+/// The programs by their names: tones by frequency and length; a recording (WAV) from a file or the
+/// standard input; speech, or a recording of it on the standard output; the volume.
+pub(super) const STAND_INS: [(&str, StandIn); 4] = [
+    ("beep", |speaker, arguments, _| speaker.play(&beep(arguments)?)),
+    ("aplay", |speaker, arguments, _| speaker.play(&heard(&recording(arguments)?))),
+    ("espeak", |speaker, arguments, out| speaker.speak(&Speech::read(arguments)?, out)),
+    ("amixer", |speaker, arguments, out| amixer(&speaker.view.join("volume"), arguments, out)),
+];
 
 fn io_error(doing: impl Into<String>) -> impl FnOnce(io::Error) -> StandInError {
     let doing = doing.into();
@@ -117,14 +75,17 @@ fn io_error(doing: impl Into<String>) -> impl FnOnce(io::Error) -> StandInError 
 }
 
 /// The brick's speaker.
-struct Speaker<'e> {
-    orders: PathBuf,
-    ends: &'e dyn Fn() -> bool,
+pub(super) struct Speaker<'e> {
+    /// The folder with the brick's `sim` in it.
+    pub(super) view: &'e Path,
+    /// Is asked whether to end early.
+    pub(super) ends: &'e dyn Fn() -> bool,
 }
 
 impl Speaker<'_> {
     fn order(&self, order: &str) -> Result<(), StandInError> {
-        fs::write(&self.orders, order).map_err(io_error("the brick's speaker does not answer"))
+        let written = fs::write(self.view.join("sim/orders"), order);
+        written.map_err(io_error("the brick's speaker does not answer"))
     }
 
     /// Plays notes one after the other, and falls silent.
@@ -233,12 +194,12 @@ fn recording(arguments: &[String]) -> Result<Samples, StandInError> {
         if WITH_VALUE.contains(&word.as_str()) {
             words.next();
         } else if !word.starts_with('-') || word == "-" {
-            file = Some(word.as_str());
+            file = Some(word.as_str()).filter(|name| *name != "-");
         }
     }
-    let name = file.filter(|name| *name != "-").unwrap_or("the standard input");
+    let name = file.unwrap_or("the standard input");
     let mut bytes = Vec::new();
-    let read = match file.filter(|name| *name != "-") {
+    let read = match file {
         Some(path) => {
             File::open(path).and_then(|file| file.take(MOST_BYTES).read_to_end(&mut bytes))
         }

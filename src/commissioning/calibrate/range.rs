@@ -73,12 +73,9 @@ pub(super) fn bias_and_scale(
         };
         points.into_iter().map(of).collect()
     };
-    let mut legs = [Vec::new(), Vec::new()];
-    for _ in 0..pairs.unwrap_or(3) {
-        for (legs, way) in legs.iter_mut().zip([-1.0, 1.0]) {
-            legs.push(distances(straight::leg(stage, way)?));
-        }
-    }
+    let legs = stage.both_ways([-1.0, 1.0], pairs.unwrap_or(3), |stage, way| {
+        Ok(distances(straight::leg(stage, way)?))
+    })?;
     let slope = |leg: &Vec<[f64; 2]>| slope(leg, RANGE_NOISE_M, FEWEST_ECHOES).unwrap_or(f64::NAN);
     let [back, ahead] = legs.each_ref().map(|legs| legs.iter().map(slope).collect::<Vec<_>>());
     let scale = Measured::new(Kind::Ratio, scale, [&ahead, &back]);

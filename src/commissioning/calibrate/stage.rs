@@ -209,6 +209,22 @@ impl<'s> Stage<'s> {
         }
     }
 
+    /// Measures so often, each time one way and then the other; what was measured of each way.
+    pub(super) fn both_ways<T>(
+        &mut self,
+        ways: [f64; 2],
+        times: u32,
+        measure: impl Fn(&mut Self, f64) -> Result<T, CalibrateError>,
+    ) -> Result<[Vec<T>; 2], CalibrateError> {
+        let mut measured = [const { Vec::new() }; 2];
+        for _ in 0..times {
+            for (measured, way) in measured.iter_mut().zip(ways) {
+                measured.push(measure(self, way)?);
+            }
+        }
+        Ok(measured)
+    }
+
     fn motion(
         &mut self,
         drive: Drive,
@@ -217,7 +233,7 @@ impl<'s> Stage<'s> {
     ) -> Result<Ended, CalibrateError> {
         let from = self.look()?;
         let begin_ns = self.clock.now_ns();
-        let mut progress = [Progress::new(begin_ns); 2];
+        let mut progress = [Progress { turned_rad: 0.0, at_ns: begin_ns }; 2];
         loop {
             let now = self.look()?;
             let now_ns = self.clock.now_ns();
@@ -305,10 +321,6 @@ struct Progress {
 }
 
 impl Progress {
-    fn new(at_ns: i64) -> Self {
-        Self { turned_rad: 0.0, at_ns }
-    }
-
     /// Every motion here turns both wheels all the time, so one that stands is blocked.
     fn check(&mut self, turned_rad: f64, now_ns: i64) -> Result<(), CalibrateError> {
         if turned_rad > self.turned_rad + TURNED_RAD {

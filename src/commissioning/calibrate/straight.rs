@@ -55,14 +55,11 @@ pub(super) fn by_wall(
     // What the sensor says for a metre, by the file.
     let scale = stage.config().range.as_ref().map_or(1.0, |range| range.scale);
     to_the_wall(stage)?;
-    let (mut ahead, mut back) = (Vec::new(), Vec::new());
+    let legs = stage.both_ways([-1.0, 1.0], pairs.unwrap_or(3), leg)?;
     let rolled = |points: Vec<[f64; 2]>| {
         slope(&points, RANGE_NOISE_M, FEWEST_ECHOES).map(|per_rad| -2.0 * PI * per_rad / scale)
     };
-    for _ in 0..pairs.unwrap_or(3) {
-        back.extend(rolled(leg(stage, -1.0)?));
-        ahead.extend(rolled(leg(stage, 1.0)?));
-    }
+    let [back, ahead] = legs.map(|legs| legs.into_iter().filter_map(rolled).collect::<Vec<_>>());
     Ok(Measured::of(before_m, [&ahead, &back]))
 }
 
@@ -209,11 +206,7 @@ pub(super) fn by_metre(
          at hand. Does it have a metre and a half of floor ahead?",
     )?;
     let before_m = stage.config().drive.wheel_circumference_m;
-    let (mut ahead, mut back) = (Vec::new(), Vec::new());
-    for _ in 0..pairs.unwrap_or(2) {
-        ahead.push(metre(stage, 1.0)?);
-        back.push(metre(stage, -1.0)?);
-    }
+    let [ahead, back] = stage.both_ways([1.0, -1.0], pairs.unwrap_or(2), metre)?;
     Ok(Measured::of(before_m, [&ahead, &back]))
 }
 

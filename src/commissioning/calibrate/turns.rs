@@ -57,7 +57,7 @@ pub(super) fn track_width(
         if options.mark == Some(false) {
             return Err(CalibrateError::NoGyro);
         }
-        let spins = marked_spins(stage, options.pairs.unwrap_or(2))?;
+        let spins = stage.both_ways([1.0, -1.0], options.pairs.unwrap_or(2), marked_spin)?;
         let [left, right] = spins.map(|spins| {
             spins
                 .iter()
@@ -89,7 +89,7 @@ pub(super) fn track_width(
         let measured = measured.scaled(stage.config().gyro_scale, 0.0);
         return Ok((Measured { unseen: GYRO_UNSEEN, ..measured }, None));
     }
-    let [left, right] = marked_spins(stage, 1)?;
+    let [left, right] = stage.both_ways([1.0, -1.0], 1, marked_spin)?;
     let scales: Vec<f64> =
         left.iter().chain(&right).map(|spin| spin.gyro_rad() / marked_rad(spin)).collect();
     let [a, b] = [scales.first(), scales.last()].map(|scale| scale.copied().unwrap_or(f64::NAN));
@@ -180,16 +180,7 @@ fn spin_by_gyro(stage: &mut Stage<'_>, way: f64) -> Result<(Spin, WholeTurns), C
     Ok((spin, heard))
 }
 
-/// Spins that a person marks, in both directions.
-fn marked_spins(stage: &mut Stage<'_>, pairs: u32) -> Result<[Vec<Spin>; 2], CalibrateError> {
-    let (mut left, mut right) = (Vec::new(), Vec::new());
-    for _ in 0..pairs {
-        left.push(marked_spin(stage, 1.0)?);
-        right.push(marked_spin(stage, -1.0)?);
-    }
-    Ok([left, right])
-}
-
+/// A spin that a person marks.
 fn marked_spin(stage: &mut Stage<'_>, way: f64) -> Result<Spin, CalibrateError> {
     let side = if way > 0.0 { "left" } else { "right" };
     stage.dialogue.agree(&format!(

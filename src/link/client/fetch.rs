@@ -120,11 +120,10 @@ fn compare(line: &mut Session, run: &RunId, file: &Path) -> Result<FetchProgress
         // It may lie here whole although the brick was never told.
         let fetch = Fetch { sha256: Some(sha256.clone()), ..Fetch::part(run, bytes, 0) };
         let fetched: Fetched = match line.ask(&Request::Fetch(fetch)) {
-            Ok((value, _)) => line.understood(value)?,
             Err(ClientError::Refused(refusal)) if refusal.kind == Kind::BeyondEnd => {
                 return Err(other());
             }
-            Err(error) => return Err(error),
+            answered => answered?,
         };
         match fetched.sha256 {
             Some(named) if named == sha256 => {
@@ -143,7 +142,7 @@ fn compare(line: &mut Session, run: &RunId, file: &Path) -> Result<FetchProgress
 /// brick's answer the recording is still complete.
 fn tell(line: &mut Session, run: &RunId, bytes: u64, sha256: String) {
     let whole = Fetch { sha256: Some(sha256), ..Fetch::part(run, bytes, 0) };
-    if let Err(error) = line.ask(&Request::Fetch(whole)) {
+    if let Err(error) = line.ask::<serde_json::Value>(&Request::Fetch(whole)) {
         log::warn!("{run} is here, and the brick could not be told: {error}");
     }
 }

@@ -65,7 +65,7 @@ pub(in crate::link) struct Session {
 crate::printable::debug_by!(Session, written);
 
 /// An answer with the bytes beside it, or why there is none.
-pub(in crate::link) type Answered = Result<(Value, Option<Vec<u8>>), ClientError>;
+pub(super) type Answered = Result<(Value, Option<Vec<u8>>), ClientError>;
 
 impl Session {
     pub(in crate::link) fn new(
@@ -101,7 +101,10 @@ impl Session {
     }
 
     /// Asks until it is answered or the patience is over.
-    pub(in crate::link) fn ask(&mut self, request: &impl Serialize) -> Answered {
+    pub(in crate::link) fn ask<T: DeserializeOwned>(
+        &mut self,
+        request: &impl Serialize,
+    ) -> Result<T, ClientError> {
         self.begin();
         let id = self.number();
         let mut wait_ns = FIRST_WAIT_NS;
@@ -113,7 +116,7 @@ impl Session {
             while let Some((of, answer)) = self.receive(until_ns)? {
                 // Another one is a late answer: its caller has given up.
                 if of == id {
-                    return answer;
+                    return self.understood(answer?.0);
                 }
             }
             wait_ns = (wait_ns * 2).min(LAST_WAIT_NS);
@@ -211,10 +214,7 @@ impl Session {
     }
 
     /// An answer as what it should be.
-    pub(in crate::link) fn understood<T: DeserializeOwned>(
-        &self,
-        value: Value,
-    ) -> Result<T, ClientError> {
+    pub(super) fn understood<T: DeserializeOwned>(&self, value: Value) -> Result<T, ClientError> {
         serde_json::from_value(value).map_err(|error| self.not_understood(error.to_string()))
     }
 

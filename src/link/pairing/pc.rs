@@ -115,8 +115,7 @@ pub fn pair(
 }
 
 fn ask(line: &mut Session, step: Step) -> Result<Said, ClientError> {
-    let (value, _) = line.ask(&Pair { op: "pair", step })?;
-    line.understood(value)
+    line.ask(&Pair { op: "pair", step })
 }
 
 fn out_of_turn() -> ClientError {

@@ -123,13 +123,8 @@ impl PairingWindow {
         key: Option<PublicKey>,
         bytes: &[u8],
     ) -> Result<(Id, serde_json::Value), NotUnderstood> {
-        let nameless = |kind, message: String| NotUnderstood {
-            id: None,
-            refusal: Refusal::new(kind, message),
-        };
-        let asked: Asked = serde_json::from_slice(bytes).map_err(|error| {
-            nameless(Kind::BadRequest, format!("not a step of pairing: {error}"))
-        })?;
+        let asked: Asked = serde_json::from_slice(bytes)
+            .map_err(|error| Refusal::bad_request(format!("not a step of pairing: {error}")))?;
         let refuse = |refusal| NotUnderstood { id: Some(asked.id.clone()), refusal };
         if asked.version != VERSION {
             return Err(refuse(Refusal::of_version(asked.version)));
@@ -145,7 +140,7 @@ impl PairingWindow {
         })?;
         let said = self.step(key, asked.step).map_err(refuse)?;
         let value = serde_json::to_value(said)
-            .map_err(|error| nameless(Kind::Failed, format!("the answer is no JSON: {error}")))?;
+            .map_err(|error| Refusal::failed(format!("the answer is no JSON: {error}")))?;
         Ok((asked.id, value))
     }
 

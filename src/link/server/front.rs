@@ -9,11 +9,11 @@ use nix::sys::resource::{Resource, getrlimit, setrlimit};
 
 use super::limits::MOST_OPEN;
 use super::router::{Arrived, Router};
-use super::workers::{Job, Workers, framed, refused};
+use super::workers::{Job, Workers, framed};
 use super::{LinkState, NAP_MS, ServerConfig, ServerError, Shared, zap};
 use crate::link::keys::{Authorised, KeyPair, PublicKey};
 use crate::link::{if_ready, pairing};
-use crate::protocol::{Kind, NotUnderstood, Operations, Outcome, Refusal, Request, parse};
+use crate::protocol::{Answer, Kind, NotUnderstood, Operations, Refusal, Request, parse};
 use crate::service::config::LinkConfig;
 use crate::threads::Background;
 
@@ -121,7 +121,7 @@ impl<'s> Front<'s> {
             }
             Err(NotUnderstood { id, refusal }) => {
                 log::debug!("the link refuses: {refusal}");
-                self.router.reply(refused(envelope, id, refusal));
+                self.router.reply(framed(envelope, id, Err(refusal)));
                 Ok(())
             }
         }
@@ -133,9 +133,8 @@ impl<'s> Front<'s> {
         key: Option<PublicKey>,
         payload: Option<zmq::Message>,
     ) -> Result<(String, crate::protocol::Asked<Request>), NotUnderstood> {
-        let nameless = |refusal| NotUnderstood { id: None, refusal };
-        let payload = payload
-            .ok_or_else(|| nameless(Refusal::bad_request("a request is one frame of JSON")))?;
+        let payload =
+            payload.ok_or_else(|| Refusal::bad_request("a request is one frame of JSON"))?;
         let asked = parse(&payload);
         // A peer that may not ask learns only that, under the name of the request.
         let id = || match &asked {
@@ -199,11 +198,11 @@ impl<'s> Front<'s> {
         for _ in 0..TAKEN_IN_ONE_TURN {
             let Some(arrived) = router.receive()? else { break };
             let bytes: &[u8] = arrived.payload.as_ref().map_or(&[], |payload| payload);
-            let reply = match self.shared.window.answer_request(arrived.key, bytes) {
-                Ok((id, value)) => framed(arrived.envelope, Some(id), Outcome::Ok(value), None),
-                Err(NotUnderstood { id, refusal }) => refused(arrived.envelope, id, refusal),
+            let (id, answered) = match self.shared.window.answer_request(arrived.key, bytes) {
+                Ok((id, value)) => (Some(id), Ok(Answer { value, bytes: None })),
+                Err(NotUnderstood { id, refusal }) => (id, Err(refusal)),
             };
-            router.reply(reply);
+            router.reply(framed(arrived.envelope, id, answered));
         }
         Ok(())
     }

@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 
 use super::ServerError;
 use crate::link::if_ready;
-use crate::protocol::{Asked, Caller, Id, Operations, Outcome, Refusal, Reply, Request};
+use crate::protocol::{Answer, Asked, Caller, Id, Operations, Refusal, Reply, Request};
 use crate::threads::spawn;
 
 /// Where workers hand over what is to be sent.
@@ -94,11 +94,7 @@ impl Drop for Workers {
 fn work(jobs: &Receiver<Job>, replies: &zmq::Socket, operations: &dyn Operations) {
     for Job { envelope, asked, name } in jobs {
         let answered = operations.shared(&asked.request, &Caller::Key(name));
-        let (outcome, bytes) = match answered {
-            Ok(answer) => (Outcome::Ok(answer.value), answer.bytes),
-            Err(refusal) => (Outcome::Error(refusal), None),
-        };
-        let frames = framed(envelope, Some(asked.id), outcome, bytes);
+        let frames = framed(envelope, Some(asked.id), answered);
         if replies.send_multipart(frames, 0).is_err() {
             return;
         }
@@ -109,10 +105,10 @@ fn work(jobs: &Receiver<Job>, replies: &zmq::Socket, operations: &dyn Operations
 pub(super) fn framed(
     mut envelope: Vec<Vec<u8>>,
     id: Option<Id>,
-    outcome: Outcome,
-    bytes: Option<Vec<u8>>,
+    answered: Result<Answer, Refusal>,
 ) -> Vec<Vec<u8>> {
-    let json = serde_json::to_vec(&Reply { id, outcome }).unwrap_or_else(|error| {
+    let (reply, bytes) = Reply::to(id, answered);
+    let json = serde_json::to_vec(&reply).unwrap_or_else(|error| {
         // Replies of ours are plain; what cannot be JSON would be a mistake in the program, and is
         // said as such.
         log::error!("a reply is no JSON: {error}");
@@ -121,9 +117,4 @@ pub(super) fn framed(
     envelope.push(json);
     envelope.extend(bytes);
     envelope
-}
-
-/// A refusal's frames.
-pub(super) fn refused(envelope: Vec<Vec<u8>>, id: Option<Id>, refusal: Refusal) -> Vec<Vec<u8>> {
-    framed(envelope, id, Outcome::Error(refusal), None)
 }

@@ -69,7 +69,8 @@ pub fn guard() -> Result<(), ProcessError> {
     let mut lock = match HardwareLock::take(tree.root(), "a run that is being prepared") {
         Ok(lock) => lock,
         Err(error) => {
-            starter.refuse(&Refused::from(error));
+            starter.tell(&Event::from(&Refused::from(error)));
+            starter.finish();
             return Ok(());
         }
     };
@@ -127,11 +128,6 @@ impl Starter {
         self.kept.extend(json_line(event).into_iter().flatten());
         self.unanswered_ns.get_or_insert(MonotonicClock.now_ns());
         self.write();
-    }
-
-    fn refuse(&mut self, refused: &Refused) {
-        self.tell(&Event::from(refused));
-        self.finish();
     }
 
     fn write(&mut self) {

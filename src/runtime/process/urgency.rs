@@ -45,7 +45,7 @@ pub(super) fn as_others() {
 fn limited(priority: u8) {
     let (soft, hard) = (LONGEST_SPIN_US, nix::libc::RLIM_INFINITY);
     match setrlimit(Resource::RLIMIT_RTTIME, soft, hard) {
-        Ok(()) => take(priority),
+        Ok(()) => set(ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo), priority),
         Err(errno) => log::info!("no real-time priority, because it could not be limited: {errno}"),
     }
 }
@@ -56,10 +56,6 @@ pub(super) fn may_compute() {
     if let Err(errno) = setrlimit(Resource::RLIMIT_RTTIME, unlimited, unlimited) {
         log::info!("the limit of real-time computing stays: {errno}");
     }
-}
-
-fn take(priority: u8) {
-    set(ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo), priority);
 }
 
 fn set(policy: ThreadSchedulePolicy, priority: u8) {

@@ -9,7 +9,7 @@ use nix::sys::statvfs::{FsFlags, statvfs};
 use nix::unistd::{AccessFlags, access};
 
 use super::{Record, StoreError};
-use crate::document::read_bounded;
+use crate::document::{if_there, read_bounded};
 use crate::protocol::RunId;
 use crate::recording::free_bytes;
 
@@ -61,12 +61,8 @@ pub(super) fn make_folder(folder: &Path) -> Result<(), StoreError> {
 /// Removes a run's folder, the recording first. What cannot be removed is removed at the next
 /// start.
 pub(super) fn remove(folder: &Path) {
-    let removed = std::fs::remove_file(folder.join(super::RECORDING));
-    match removed {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => {
-            log::warn!("cannot delete {}: {error}", folder.display())
-        }
-        _ => {}
+    if let Err(error) = if_there(std::fs::remove_file(folder.join(super::RECORDING))) {
+        log::warn!("cannot delete {}: {error}", folder.display());
     }
     if let Err(error) = std::fs::remove_dir_all(folder) {
         log::warn!("cannot delete {}: {error}", folder.display());

@@ -204,7 +204,7 @@ fn what_several_threads_note_of_a_run_is_all_on_the_disk() {
             first_all(|store, run| {
                 store.change(run, |record| record.sha256 = Some("0".repeat(64)))
             });
-            first_all(|store, run| store.note_fetched(run));
+            first_all(|store, run| store.change(run, |record| record.fetched = true));
         });
         let saved = files::read(&store.folder_of(&id(&name))).unwrap();
         assert_eq!(&saved, &lock(&store.index).find(&id(&name)).unwrap().record, "after {at} runs");

@@ -40,7 +40,7 @@ fuzz_target!(|bytes: &[u8]| {
         for (place, signal) in SIGNALS.into_iter().enumerate() {
             // Each comes and goes, with numbers that are odd now and then.
             match (tick + i64::try_from(place).unwrap_or(0)) % 5 {
-                0 => signals.lose(signal),
+                0 => signals.set(signal, None),
                 1 => signals.set(signal, f64::INFINITY),
                 2 => signals.set(signal, -1e300),
                 _ => signals.set(signal, tick as f64 * 0.1),

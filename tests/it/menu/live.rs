@@ -145,7 +145,7 @@ impl Served {
         let asked = LocalOnly::StartHere(start);
         // The run before may just be letting go of the hardware.
         eventually("a run that is started", || {
-            let started: Result<Started, _> = self.client().ask_own(&asked, DEADLINE);
+            let started: Result<Started, _> = self.client().ask(&asked, DEADLINE);
             started.map_err(|error| error.to_string())
         });
     }

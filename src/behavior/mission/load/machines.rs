@@ -70,6 +70,7 @@ struct Names<'n> {
 }
 
 /// Where reading names has come to.
+#[derive(Default)]
 struct Walk<'d> {
     /// The machine's name, and those of the states that the next ones are inside.
     path: Vec<&'d str>,
@@ -101,12 +102,7 @@ impl<'d> Reader<'_, 'd, '_> {
         for item in &items {
             let Some(section) = item.section() else { continue };
             is_name(item.key(), item);
-            let mut walk = Walk {
-                path: vec![item.key()],
-                used: Vec::new(),
-                states: 0,
-                names: BTreeMap::new(),
-            };
+            let mut walk = Walk { path: vec![item.key()], ..Walk::default() };
             if let Some(layout) = self.layout(item, section, &mut walk) {
                 self.vocabulary.machines.push((item.key().to_owned(), walk.names));
                 found.push((item.clone(), layout));

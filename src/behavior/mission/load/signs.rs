@@ -148,7 +148,7 @@ impl<'d> Reader<'_, 'd, '_> {
         let pieces = parts.into_iter().map(|part| match part {
             Piece::Text(words) => Some(Piece::Text(words)),
             Piece::Value { value: place, digits } => {
-                let read = Expression::parse_any(&text[place.clone()], &mut self.vocabulary);
+                let read = Expression::parse(&text[place.clone()], None, &mut self.vocabulary);
                 let value = self.understood(item, place.start, read)?;
                 Some(Piece::Value { value, digits })
             }

@@ -100,10 +100,7 @@ fn shown(hall: &Hall, path: &[&str], asked: Asked<'_>) -> Result<Shown, String> 
         ["ports", number] => json(&ports(&*numbered(hall, number)?)),
         ["map", "team"] => team_map(hall)?,
         ["map", number, file] => map(&numbered(hall, number)?.folder.join(recording(file)?))?,
-        _ => {
-            let part = PARTS.iter().find(|(place, ..)| *place == asked.path);
-            part.map_or(Shown::Nothing, |(_, kind, text)| Shown::file(*kind, text))
-        }
+        _ => Shown::part(&PARTS, asked.path),
     })
 }
 

@@ -68,39 +68,29 @@ fn words(seen: &Seen) -> String {
 
 /// How bad it is, and what of it.
 fn wrong(seen: &Seen) -> (u8, Vec<String>) {
-    let mut why = Vec::new();
-    let mut worst = 0;
-    let mut add = |level: u8, text: &str| {
-        worst = worst.max(level);
-        why.push(text.trim_end().trim_start_matches("error: ").to_owned());
+    let found: Vec<(u8, String)> = match (&seen.trouble, &seen.status) {
+        (Some(trouble), _) => vec![(2, trouble.clone())],
+        (None, Some(status)) => wrong_there(status),
+        (None, None) => Vec::new(),
     };
-    if let Some(trouble) = &seen.trouble {
-        add(2, trouble);
-        return (worst, why);
-    }
-    let Some(status) = &seen.status else { return (worst, why) };
-    let Status { state, last, battery, taken, robot, clock, link, version, .. } = status;
-    if *state == State::Fault {
-        add(2, &last.as_ref().map_or_else(|| "a fault".to_owned(), ToString::to_string));
-    }
-    if let Some(text) = robot {
-        add(2, text);
-    }
-    if let Some(text) = battery {
-        add(2, text);
-    }
-    if let Some(text) = taken {
-        add(1, text);
-    }
-    let own = env!("CARGO_PKG_VERSION");
-    if version != own {
-        add(1, &format!("it has onbrick {version}, and this PC {own}"));
-    }
-    if let Some(text) = clock {
-        add(1, text);
-    }
-    if link != "ready" {
-        add(1, link);
-    }
-    (worst, why)
+    let worst = found.iter().map(|(level, _)| *level).max().unwrap_or(0);
+    let plain = |text: &str| text.trim_end().trim_start_matches("error: ").to_owned();
+    (worst, found.iter().map(|(_, text)| plain(text)).collect())
+}
+
+/// What a brick says of itself, each with how bad it is.
+fn wrong_there(status: &Status) -> Vec<(u8, String)> {
+    let last = || status.last.as_ref().map_or_else(|| "a fault".to_owned(), ToString::to_string);
+    let (version, own) = (&status.version, env!("CARGO_PKG_VERSION"));
+    let other = || format!("it has onbrick {version}, and this PC {own}");
+    let texts = [
+        (2, (status.state == State::Fault).then(last)),
+        (2, status.robot.clone()),
+        (2, status.battery.clone()),
+        (1, status.taken.clone()),
+        (1, (version != own).then(other)),
+        (1, status.clock.clone()),
+        (1, Some(status.link.clone()).filter(|link| link != "ready")),
+    ];
+    texts.into_iter().filter_map(|(level, text)| Some((level, text?))).collect()
 }

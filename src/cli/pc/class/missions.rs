@@ -20,6 +20,7 @@ use crate::cli::Failure;
 use crate::cli::common::{load_mission, load_robot, load_world, read_own};
 use crate::cli::run::page::watched;
 use crate::clock::{MILLISECOND_NS, wall_ns};
+use crate::document::if_there;
 use crate::document::save::{self, Readers};
 use crate::printable::with_causes;
 use crate::protocol::{MAX_MISSION_BYTES, Name};
@@ -227,15 +228,9 @@ impl Trial {
         let robot = load_robot(None)?;
         let (mission, _) = load_mission(source, &robot.config.capabilities())?;
         // It is a trial: only the newest recording is kept.
-        match std::fs::remove_file(file) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                return Err(Failure::refused(format!(
-                    "cannot replace {}: {error}",
-                    file.display()
-                )));
-            }
-            _ => {}
-        }
+        if_there(std::fs::remove_file(file)).map_err(|error| {
+            Failure::refused(format!("cannot replace {}: {error}", file.display()))
+        })?;
         let brick = Brick::Simulated { world: world_source, seed: 1, realtime: false };
         let job = Job {
             start,
