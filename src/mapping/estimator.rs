@@ -26,6 +26,9 @@ pub(super) const SPEED_MEMORY_S: f64 = 0.1;
 /// A head that is nearer to straight ahead than this looks there, radians: 6°.
 const STRAIGHT_RAD: f64 = 0.105;
 
+/// A standstill that finds another bias than this has found the same, rad/s: 0.02° in ten minutes.
+const SAME_BIAS_RAD_S: f64 = 6e-7;
+
 /// Within this a correction of the pose is half to two thirds told.
 const SETTLE_S: f64 = 0.3;
 
@@ -237,7 +240,7 @@ impl Estimator {
         events: &mut Events,
     ) -> Trust {
         let before_rad = self.state.odometry.heading_rad;
-        let bias_rad_s = self.state.gyro.bias_rad_s();
+        let stood_with_rad_s = self.state.gyro.stands_with_rad_s();
         let step = self.state.gyro.update(GyroInput {
             time_ns: inputs.time_ns,
             value_rad: inputs.gyro.map(|gyro| gyro.value_rad),
@@ -247,7 +250,9 @@ impl Estimator {
             still: wheels.still,
         });
         *events |= step.events;
-        if self.state.gyro.bias_rad_s().to_bits() != bias_rad_s.to_bits() {
+        let gyro = &self.state.gyro;
+        let has_stood = stood_with_rad_s.filter(|_| gyro.stands_with_rad_s().is_none());
+        if has_stood.is_some_and(|before| (before - gyro.bias_rad_s()).abs() > SAME_BIAS_RAD_S) {
             self.state.survey.landmarks.filter.forget_bias();
         }
         self.state.odometry.heading_rad = match self.config.method {
@@ -280,7 +285,7 @@ impl Estimator {
     fn watch_drift(&mut self, turned: Option<Turned>) {
         let per_track_width_m = self.config.geometry.per_track_width_m();
         let Some(drift) = self.state.drift.update(turned, per_track_width_m) else { return };
-        let by_rad_s = self.state.gyro.drifts(drift);
+        let by_rad_s = self.state.gyro.drifts(drift, self.state.survey.landmarks.filter.bias());
         if by_rad_s != 0.0 && self.config.method == Method::Default {
             let correction = self.state.survey.correct(|filter| filter.rebias(by_rad_s));
             self.correct(&correction);

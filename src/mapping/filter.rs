@@ -19,6 +19,9 @@
 //! ([`Filter::rebias`]) puts pose and landmarks where they would be had it been known. What is long
 //! past fades ([`BIAS_MEMORY_S`]): a drift need not be as old as the run.
 //!
+//! By the same derivatives each innovation says something of the bias: what it would be with
+//! another one ([`Filter::bias`]; Friedland, *Treatment of bias in recursive filtering*, 1969).
+//!
 //! # Not here
 //!
 //! Which landmark an observation is of, and what it should have been (`landmarks`).
@@ -28,6 +31,7 @@ use std::array;
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
+use super::drift::Information;
 use super::uncertainty::{self, Covariance};
 use super::{Geometry, Pose};
 
@@ -113,6 +117,8 @@ pub(super) struct Filter {
     covariances: ArrayVec<f32, COVARIANCES>,
     /// Derivatives of all numbers by the gyro's bias, a second.
     by_bias: ArrayVec<f32, SIZE>,
+    /// What the innovations have said of the bias.
+    bias: Information,
     passed: Passed,
 }
 
@@ -140,6 +146,7 @@ impl Filter {
             landmarks: ArrayVec::new(),
             covariances,
             by_bias: ArrayVec::from_iter([0.0; FIRST]),
+            bias: Information::default(),
             passed: Passed::default(),
         }
     }
@@ -214,6 +221,7 @@ impl Filter {
         let moved = passed.transition();
         let faded = 1.0 - single((passed.biased_s / BIAS_MEMORY_S).min(1.0));
         self.by_bias.iter_mut().for_each(|value| *value *= faded);
+        self.bias.fade(f64::from(faded));
         let own: [f32; OWN] = array::from_fn(|row| self.bias_derivative(row));
         for ((value, by), came) in self.by_bias.iter_mut().zip(&moved).zip(passed.came_by_bias()) {
             *value = dot(by, &own) + came;
@@ -238,18 +246,25 @@ impl Filter {
     }
 
     /// Puts pose and landmarks where they would be if the gyro's bias had been known to be greater
-    /// by this, rad/s.
+    /// by this, rad/s. What landmarks have said of it was of another one.
     pub(super) fn rebias(&mut self, by_rad_s: f64) {
         self.settle();
         for row in 0..self.size() {
             self.shift(row, f64::from(self.bias_derivative(row)) * by_rad_s);
         }
+        self.bias = Information::default();
+    }
+
+    /// What landmarks have said of the gyro's bias, beyond the one that is being removed.
+    pub(super) fn bias(&self) -> Information {
+        self.bias
     }
 
     /// Forgets what the bias has done so far: it was another one, or is made up for.
     pub(super) fn forget_bias(&mut self) {
         self.settle();
         self.by_bias.fill(0.0);
+        self.bias = Information::default();
     }
 
     /// The covariance of an innovation: H P Hᵀ for the pose and one landmark.
@@ -277,6 +292,11 @@ impl Filter {
         });
         let shared = shared.collect();
         let by_bias = by.map(|by| dot(&by, &rows.map(|row| self.bias_derivative(row))));
+        // With a bias that is greater by b the innovation would be greater by `by_bias` b.
+        let weights = [[inverse[0], inverse[1]], [inverse[1], inverse[2]]];
+        let weights = weights.map(|row| dot(&row, &by_bias));
+        self.bias.weighted -= f64::from(dot(&weights, &innovation));
+        self.bias.weight += f64::from(dot(&weights, &by_bias));
         self.update(&shared, innovation, by_bias, inverse);
     }
 

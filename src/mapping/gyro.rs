@@ -30,7 +30,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Events;
-use super::drift::Drift;
+use super::drift::{Drift, Information};
 use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds, seconds_nearly};
 use crate::units::within;
 
@@ -152,11 +152,22 @@ impl GyroState {
         self.bias_rad_s
     }
 
-    /// Takes what driving says of the bias; returns by how much it is greater now. A standstill
-    /// finds its own, for all of its time.
-    pub(super) fn drifts(&mut self, drift: Drift) -> f64 {
+    /// While the robot stands, the bias that was removed before it did.
+    pub(super) fn stands_with_rad_s(&self) -> Option<f64> {
+        self.still.map(|still| still.bias_rad_s)
+    }
+
+    /// Takes what driving says of the bias, and what landmarks say of it beyond the one that is
+    /// being removed; returns by how much it is greater now. A standstill finds its own, for all of
+    /// its time.
+    pub(super) fn drifts(&mut self, drift: Drift, seen: Information) -> f64 {
         let before_rad_s = self.bias_rad_s;
-        let other_rad_s = drift.instead_of(before_rad_s, self.bias_is_drift);
+        let both = drift.with(seen, before_rad_s);
+        let other_rad_s = match both.instead_of(before_rad_s, self.bias_is_drift) {
+            // Landmarks remember longer than a drift that begins has been there.
+            Some(_) if !self.bias_is_drift => Some(drift.rad_s),
+            other_rad_s => other_rad_s,
+        };
         if let Some(bias_rad_s) = other_rad_s.filter(|_| self.still.is_none()) {
             (self.bias_rad_s, self.bias_is_drift) = (bias_rad_s, true);
         }

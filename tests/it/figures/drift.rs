@@ -1,7 +1,9 @@
 //! How far the heading is off after two minutes where the gyro drifts by less than the start of a
 //! run notices.
 
-use onbrick::runtime::Job;
+use onbrick::behavior::Demands;
+use onbrick::runtime::{Cast, Job};
+use onbrick::senses::Channel;
 use onbrick::sim::World;
 use onbrick::units::{degrees, wrap_rad};
 
@@ -45,4 +47,56 @@ fn a_drift_that_the_start_lets_pass_is_removed_while_the_robot_drives() {
             );
         }
     }
+}
+
+/// A room like an L, in which the robot starts aslant.
+const L_ROOM: &str = r#"
+name = "l-room"
+[[start]]
+at = [0.0, 0.0]
+heading_deg = 45
+[[wall]]
+points = [[-0.5, -0.5], [3, -0.5], [3, 1], [1, 1], [1, 3], [-0.5, 3]]
+closed = true
+"#;
+
+/// A run of ten minutes, and how far its heading is off two minutes after a time, degrees, at the
+/// most and at the end, with what a drift adds to what the gyro said: degrees a second, from when
+/// on.
+fn off_in_ten_minutes(world: (&str, &str), seed: u64, drift_dps: f64, from_s: f64) -> [f64; 2] {
+    let played = play(|file| {
+        let set = vec![("time_limit_s".to_owned(), 600.0)];
+        Job { set, ..job("explore", &robot(), world, seed, file) }
+    });
+    let run = played.run();
+    let mut pilot = Cast::of(&run, None).unwrap().pilot;
+    let mut demands = Demands::default();
+    let [mut most_deg, mut last_deg]: [f64; 2] = [0.0; 2];
+    for (tick, (senses, truth)) in run.senses.iter().zip(&played.truths).enumerate() {
+        let since_s = (tick as f64 * played.tick_s - from_s).max(0.0);
+        let mut senses = *senses;
+        if let Some(gyro) = &mut senses.readings[Channel::Gyro as usize] {
+            gyro.value += (drift_dps * since_s).round().to_radians();
+        }
+        let pose = pilot.step(&senses, &mut demands, |_| {}).estimate.pose;
+        last_deg = degrees(wrap_rad(pose.heading_rad - truth.heading_rad)).abs();
+        most_deg = if since_s > 120.0 { most_deg.max(last_deg) } else { most_deg };
+    }
+    [most_deg, last_deg]
+}
+
+#[test]
+fn a_gyro_without_drift_is_given_none_and_one_that_begins_is_found() {
+    let rooms = World::text("rooms").unwrap();
+    let once_given = [(("l-room", L_ROOM), 21), (("l-room", L_ROOM), 1), (("rooms", rooms), 14)];
+    for (world, seed) in once_given {
+        let [most_deg, _] = off_in_ten_minutes(world, seed, 0.0, 0.0);
+        println!("{}, seed {seed}, no drift: {most_deg:.1} degrees off at the most", world.0);
+        assert!(most_deg < 3.0, "{}, seed {seed}: {most_deg}", world.0);
+    }
+    let late: Vec<[f64; 2]> =
+        (1..=6).map(|seed| off_in_ten_minutes(("rooms", rooms), seed, 0.2, 150.0)).collect();
+    println!("rooms, 0.2 degrees a second from 150 s on, at the most and at the end: {late:.1?}");
+    let mean = |at: usize| late.iter().map(|off| off[at]).sum::<f64>() / late.len() as f64;
+    assert!(mean(0) < 10.0 && mean(1) < 6.0, "{late:?}");
 }
