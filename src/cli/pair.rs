@@ -15,6 +15,7 @@ use crate::commissioning::Dialogue as _;
 use crate::link::client::Silence;
 #[cfg(feature = "host")]
 use crate::link::pairing::{Introduced, names_a_port};
+#[cfg(feature = "host")]
 use crate::link::{ClientError, KnownBrick, KnownBricks};
 #[cfg(feature = "host")]
 use crate::protocol::{Kind, Name};
