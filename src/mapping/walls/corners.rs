@@ -4,14 +4,14 @@
 //! that was found runs past the other one, or ends before it. Through what is left open no robot
 //! would fit.
 
-use super::Wall;
+use super::{SHORTEST_M, Wall};
 
 /// Walls that meet are turned against each other by at least this much, sine: 30°.
 const TURNED: f64 = 0.5;
 /// So near to a wall's end another meets it, metres: as wide as a robot.
 const NEAR_M: f64 = 0.16;
 
-/// The walls with the ends moved that are near another wall.
+/// The walls with the ends moved that are near another wall; none becomes too short for a wall.
 pub(super) fn met(walls: &[Wall]) -> Vec<Wall> {
     let end = |from_m: [f64; 2], to_m: [f64; 2]| {
         let meetings = walls.iter().filter_map(|other| meeting(from_m, to_m, other));
@@ -20,7 +20,8 @@ pub(super) fn met(walls: &[Wall]) -> Vec<Wall> {
     };
     let ends = |wall: &Wall| {
         let Wall { from_m, to_m, .. } = *wall;
-        Wall { from_m: end(from_m, to_m), to_m: end(to_m, from_m), ..*wall }
+        let met = Wall { from_m: end(from_m, to_m), to_m: end(to_m, from_m), ..*wall };
+        if met.length_m() < SHORTEST_M { *wall } else { met }
     };
     walls.iter().map(ends).collect()
 }
@@ -70,5 +71,11 @@ mod tests {
         ];
         let far = ends.iter().flatten().flatten().zip(expected.iter().flatten().flatten());
         assert!(far.into_iter().all(|(a, b)| (a - b).abs() < 1e-9), "{ends:?}");
+    }
+
+    #[test]
+    fn no_wall_becomes_too_short_for_one() {
+        let short = wall([-0.1, 0.0], [0.42, 0.0]);
+        assert_eq!(met(&[short, wall([0.0, -1.0], [0.0, 1.0])])[0], short);
     }
 }
