@@ -96,6 +96,8 @@ choose_processor() {
 
 # Unless a script chooses another.
 choose_processor armv5te
+# What forks beside other threads hangs in QEMU before 8.0, as in `.cargo/config.toml`.
+export G_SLICE=always-malloc
 
 # Lets the kernel start the chosen processor's programs by QEMU (as root); a rule of our own,
 # because Debian's does not let programs change their user, and sudo must.
