@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::drift::{DriftWatch, Turned};
+use super::drift::{DriftWatch, Turned, Verdict};
 use super::filter::Step;
 use super::geometry::{EstimatorConfig, Geometry, Method};
 use super::gyro::{GyroInput, GyroState};
@@ -285,10 +285,20 @@ impl Estimator {
     fn watch_drift(&mut self, turned: Option<Turned>) {
         let per_track_width_m = self.config.geometry.per_track_width_m();
         let Some(drift) = self.state.drift.update(turned, per_track_width_m) else { return };
-        let by_rad_s = self.state.gyro.drifts(drift, self.state.survey.landmarks.filter.bias());
-        if by_rad_s != 0.0 && self.config.method == Method::Default {
-            let correction = self.state.survey.correct(|filter| filter.rebias(by_rad_s));
-            self.correct(&correction);
+        let before_rad_s = self.state.gyro.bias_rad_s();
+        let filter = &mut self.state.survey.landmarks.filter;
+        match self.state.gyro.drifts(drift, filter.bias()) {
+            Verdict::Wait => {}
+            Verdict::NotBegun => {
+                self.state.drift.begin_again(before_rad_s);
+                filter.forget_bias();
+            }
+            Verdict::Remove(bias_rad_s) if self.config.method == Method::Default => {
+                let by_rad_s = bias_rad_s - before_rad_s;
+                let correction = self.state.survey.correct(|filter| filter.rebias(by_rad_s));
+                self.correct(&correction);
+            }
+            Verdict::Remove(_) => {}
         }
     }
 

@@ -64,8 +64,7 @@ const TURN_RAD2_RAD: f64 = 1e-5;
 /// The same after a second: 0.04°, after a minute 0.3°.
 const TIME_RAD2_S: f64 = 5e-7;
 
-/// How long a bias that is found is taken to have been there, seconds: as long as `drift` takes to
-/// find one that begins in mid-run.
+/// How long what a bias did is remembered, seconds: one that is followed may change.
 const BIAS_MEMORY_S: f64 = 80.0;
 
 /// An innovation's derivatives by pose (x, y, heading) and by its landmark's three numbers, for

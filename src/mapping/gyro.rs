@@ -30,7 +30,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Events;
-use super::drift::{Drift, Information};
+use super::drift::{Drift, Information, Verdict};
 use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds, seconds_nearly};
 use crate::units::within;
 
@@ -158,20 +158,17 @@ impl GyroState {
     }
 
     /// Takes what driving says of the bias, and what landmarks say of it beyond the one that is
-    /// being removed; returns by how much it is greater now. A standstill finds its own, for all of
-    /// its time.
-    pub(super) fn drifts(&mut self, drift: Drift, seen: Information) -> f64 {
-        let before_rad_s = self.bias_rad_s;
-        let both = drift.with(seen, before_rad_s);
-        let other_rad_s = match both.instead_of(before_rad_s, self.bias_is_drift) {
-            // Landmarks remember longer than a drift that begins has been there.
-            Some(_) if !self.bias_is_drift => Some(drift.rad_s),
-            other_rad_s => other_rad_s,
-        };
-        if let Some(bias_rad_s) = other_rad_s.filter(|_| self.still.is_none()) {
+    /// being removed. A standstill finds its own, for all of its time.
+    pub(super) fn drifts(&mut self, drift: Drift, seen: Information) -> Verdict {
+        if self.still.is_some() {
+            return Verdict::Wait;
+        }
+        let both = drift.with(seen, self.bias_rad_s);
+        let verdict = both.verdict(self.bias_rad_s, self.bias_is_drift);
+        if let Verdict::Remove(bias_rad_s) = verdict {
             (self.bias_rad_s, self.bias_is_drift) = (bias_rad_s, true);
         }
-        self.bias_rad_s - before_rad_s
+        verdict
     }
 
     /// Takes one tick's reading.
