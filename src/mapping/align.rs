@@ -46,9 +46,18 @@ const FITS: f64 = 0.48;
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Misfit {
-    /// One of the maps has too few points.
-    #[error("too few points")]
-    Few,
+    /// The map that would be moved has too few points.
+    #[error("its map has {points} points when it is thinned, and {FEWEST} are the fewest")]
+    Few {
+        /// How many it has when it is thinned.
+        points: usize,
+    },
+    /// The map that it would be moved to has too few points.
+    #[error("the other map has {points} points when it is thinned, and {FEWEST} are the fewest")]
+    OtherFew {
+        /// How many that one has when it is thinned.
+        points: usize,
+    },
     /// Too little of one map is in the other.
     #[error("only {:.0} % of one map is in the other", explained * 100.0)]
     Apart {
@@ -74,8 +83,10 @@ pub enum Misfit {
 pub fn align(reference: &[Sight], other: &[Sight], about_m: [f64; 2]) -> Result<Pose, Misfit> {
     let (reference, other) = (near(reference, about_m), near(other, about_m));
     let pair = [Laid::of(&reference), Laid::of(&other)];
-    if pair.iter().any(|laid| laid.points.len() < FEWEST) {
-        return Err(Misfit::Few);
+    match pair.each_ref().map(|laid| laid.points.len()) {
+        [_, points] if points < FEWEST => return Err(Misfit::Few { points }),
+        [points, _] if points < FEWEST => return Err(Misfit::OtherFew { points }),
+        _ => {}
     }
     let best = search(&pair, about_m);
     let there = best.pose(about_m);
@@ -314,8 +325,11 @@ mod tests {
         let other = CORNERS.map(|[x, y]| [x, if y > 0.0 { y + 0.6 } else { y }]);
         let refused = align(&room(&CORNERS), &room(&other), [0.0, 0.0]);
         assert!(refused.is_err(), "{refused:?}");
-        assert_eq!(align(&room(&CORNERS), &[], [0.0, 0.0]), Err(Misfit::Few));
+        let few = Err(Misfit::Few { points: 0 });
+        assert_eq!(align(&room(&CORNERS), &[], [0.0, 0.0]), few);
+        let other_few = Err(Misfit::OtherFew { points: 0 });
+        assert_eq!(align(&[], &room(&CORNERS), [0.0, 0.0]), other_few);
         let nan = [Sight { at_m: [f64::NAN; 2], from_m: [f64::NAN; 2] }; 99];
-        assert_eq!(align(&nan, &nan, [0.0, 0.0]), Err(Misfit::Few));
+        assert_eq!(align(&nan, &nan, [0.0, 0.0]), few);
     }
 }

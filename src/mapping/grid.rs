@@ -202,12 +202,15 @@ impl OccupancyGrid {
         self.row_at(lattice(point.y_m)).weigh(x, |_| HIT_POINT);
     }
 
-    /// Makes the cells occupied in which something stands, whatever went through them.
+    /// Makes the cells occupied in which something stands, whatever went through them, and those
+    /// free where the robot was, though nothing was heard there.
     pub(super) fn stand(&mut self, standing: &Standing) {
-        for (cell, stands) in self.cells.iter_mut().zip(standing.cells()) {
-            if *stands {
-                *cell = (*cell).max(OCCUPIED_FROM);
-            }
+        for (log_odds, cell) in self.cells.iter_mut().zip(standing.cells()) {
+            *log_odds = match cell {
+                Cell::Occupied => (*log_odds).max(OCCUPIED_FROM),
+                Cell::Free => (*log_odds).min(FREE_FROM),
+                Cell::Unknown => *log_odds,
+            };
         }
     }
 

@@ -11,7 +11,7 @@
 //! free cells behind walls that are met obliquely. One that sees to what stands and no cell further
 //! frees 2 % less of the floor, along the walls.
 
-use super::{CELL_M, OccupancyGrid, REACH_M, integer, lattice};
+use super::{CELL_M, Cell, OccupancyGrid, REACH_M, integer, lattice};
 use crate::mapping::{MapPoint, Sounding};
 
 /// The fewest points in a cell that make it occupied, and the fewest tenths of the mean of the
@@ -25,19 +25,19 @@ const STEP_M: f64 = CELL_M / 2.0;
 /// What is nearer to the sensor than this number of steps hides nothing.
 const FIRST: i32 = 4;
 
-/// The cells of a grid in which something stands.
+/// The cells of a grid in which something stands for certain, occupied, or nothing, free.
 #[derive(Debug)]
 pub(in crate::mapping) struct Standing {
     first: [i32; 2],
     columns: usize,
-    cells: Vec<bool>,
+    cells: Vec<Cell>,
 }
 
 impl Standing {
     /// Where many of these points lie, in cells of the grid, whatever went through them: a wall
     /// that is met obliquely has no echo, and the beam frees it. Many are [`FEWEST`], and
     /// [`FEWEST_TENTHS`] of the mean of the cells that have any: where more was heard, more of it
-    /// is out of place. On the robot's path, and a cell beside it, nothing stands.
+    /// is out of place. On the robot's path, and a cell beside it, nothing does.
     pub(in crate::mapping) fn of<'p>(
         grid: &OccupancyGrid,
         points: impl Iterator<Item = &'p MapPoint>,
@@ -54,13 +54,14 @@ impl Standing {
         let cells = counts.iter().map(|count| u64::from((*count).min(1))).sum::<u64>();
         let stands =
             |count: &u16| *count >= FEWEST && 10 * u64::from(*count) * cells >= FEWEST_TENTHS * all;
-        let mut cells: Vec<bool> = counts.iter().map(stands).collect();
+        let cell = |count: &u16| if stands(count) { Cell::Occupied } else { Cell::Unknown };
+        let mut cells: Vec<Cell> = counts.iter().map(cell).collect();
         for MapPoint { x_m, y_m, .. } in path {
             let around = [-CELL_M, 0.0, CELL_M];
             for (dx_m, dy_m) in around.iter().flat_map(|dx| around.map(|dy| (*dx, dy))) {
                 let cell = grid.index(x_m + dx_m, y_m + dy_m);
-                if let Some(stands) = cell.and_then(|place| cells.get_mut(place)) {
-                    *stands = false;
+                if let Some(cell) = cell.and_then(|place| cells.get_mut(place)) {
+                    *cell = Cell::Free;
                 }
             }
         }
@@ -68,7 +69,7 @@ impl Standing {
     }
 
     /// Row by row, as the grid's.
-    pub(super) fn cells(&self) -> &[bool] {
+    pub(super) fn cells(&self) -> &[Cell] {
         &self.cells
     }
 
@@ -108,7 +109,9 @@ impl Standing {
             let place = usize::try_from(column).ok().zip(usize::try_from(row).ok());
             let place = place.filter(|(column, _)| *column < self.columns);
             let place = place.map(|(column, row)| row * self.columns + column);
-            place.and_then(|place| self.cells.get(place)).is_some_and(|stands| *stands)
+            place
+                .and_then(|place| self.cells.get(place))
+                .is_some_and(|cell| *cell == Cell::Occupied)
         };
         (FIRST..most).find(stands).map_or(f64::INFINITY, |steps| f64::from(steps) * STEP_M)
     }
@@ -118,7 +121,7 @@ impl Standing {
 mod tests {
     use super::super::tests::sounding;
     use super::*;
-    use crate::mapping::{Cell, Pose, Range};
+    use crate::mapping::{Pose, Range};
 
     fn point(x_m: f64, y_m: f64) -> MapPoint {
         MapPoint { time_ns: 0, x_m, y_m }
@@ -189,5 +192,9 @@ mod tests {
         let ahead = sounding(0.0, 0.02, 0.0, Range::Echo(1.0));
         assert!(driven.is_in_sight(&ahead, &point(1.5, 0.02)));
         assert!(!wall(&[]).is_in_sight(&ahead, &point(1.5, 0.02)));
+        let mut grid = OccupancyGrid::around(&Pose::default());
+        grid.stand(&driven);
+        assert_eq!(grid.at(0.98, 0.02), Cell::Free, "though nothing was heard there");
+        assert_eq!([grid.at(1.03, 0.22), grid.at(0.5, 0.0)], [Cell::Occupied, Cell::Unknown]);
     }
 }
