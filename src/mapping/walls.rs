@@ -7,10 +7,13 @@
 //! 2D range data for indoor mobile robotics*, 2007), and what passes all tests is a wall; its
 //! points are taken out, and the next line is looked for.
 //!
-//! A false wall is worse than a missing one, so there are many tests: how long a
-//! stretch is, how thick, how full, how straight, how empty it is beside it, and whether echoes
-//! came from behind it. Posts, corners and the arcs that a sonar draws fail one or the other.
-//! What does not stand is left out beforehand ([`standing()`]).
+//! A false wall is worse than a missing one, so there are many tests: how long a stretch is, how
+//! thick, how full, how straight, how empty it is beside it, and whether echoes came from behind
+//! it. Posts, corners and the arcs that a sonar draws fail one or the other. What does not stand is
+//! left out beforehand ([`standing()`]). A thin partition has two faces: what was seen from the
+//! other side is none of a wall's.
+//!
+//! Where a wall ends its points become few ([`ends`]), unless it meets another one ([`corners`]).
 //!
 //! # Not here
 //!
@@ -32,6 +35,7 @@
 
 mod ballot;
 mod corners;
+mod ends;
 
 use super::{Sight, standing};
 use crate::units::{count, floored};
@@ -135,7 +139,10 @@ const COMMON_RAD: f64 = 0.03;
 #[must_use]
 pub fn walls(sights: &[Sight]) -> Vec<Wall> {
     let some: Vec<Sight> = part(sights).copied().collect();
-    corners::met(&walls_of(&some, &standing(&some)))
+    let found = found(&some, &standing(&some));
+    let whole: Vec<Wall> = found.iter().map(Stretch::wall).collect();
+    let dense: Vec<Wall> = found.iter().map(Stretch::dense).collect();
+    corners::met(&whole, &dense)
 }
 
 /// An even part of things, no more than [`MOST`].
@@ -145,10 +152,15 @@ fn part<T>(all: &[T]) -> impl Iterator<Item = &T> {
 
 /// The walls that some of the points make.
 pub(super) fn walls_of(sights: &[Sight], counts: &[bool]) -> Vec<Wall> {
+    found(sights, counts).iter().map(Stretch::wall).collect()
+}
+
+/// The stretches that are walls, the best first.
+fn found(sights: &[Sight], counts: &[bool]) -> Vec<Stretch> {
     let sights: &Vec<Sight> = &part(sights).copied().collect();
     let counts = part(counts);
     let counted = sights.iter().zip(counts).filter(|(_, counts)| **counts);
-    let all = spots(counted.map(|(sight, _)| sight.at_m));
+    let all = spots(counted.map(|(sight, _)| sight));
     let mut ballot = Ballot::of(&all);
     let mut left = all.clone();
     let mut found: Vec<Stretch> = Vec::new();
@@ -177,26 +189,34 @@ pub(super) fn walls_of(sights: &[Sight], counts: &[bool]) -> Vec<Wall> {
             found.push(best);
         }
     }
-    found.iter().map(Stretch::wall).collect()
+    found
 }
 
-/// Points that count as one: where they are in the mean, and how many.
+/// Points that count as one: where they are in the mean and from where they were seen, and how
+/// many.
 #[derive(Debug, Clone, Copy)]
 struct Spot {
     at_m: [f64; 2],
+    from_m: [f64; 2],
     points: u32,
 }
 
-fn spots(places: impl Iterator<Item = [f64; 2]>) -> Vec<Spot> {
-    let is_near = |at_m: &[f64; 2]| at_m.iter().all(|m| m.abs() < 1e5);
+fn spots<'a>(sights: impl Iterator<Item = &'a Sight>) -> Vec<Spot> {
+    let is_near = |sight: &&Sight| sight.at_m.iter().all(|m| m.abs() < 1e5);
     let cell = |at_m: [f64; 2]| at_m.map(|m| floored(m / SPOT_M));
-    let mut placed: Vec<([i32; 2], [f64; 2])> =
-        places.filter(is_near).map(|at_m| (cell(at_m), at_m)).collect();
+    let mut placed: Vec<([i32; 2], &Sight)> =
+        sights.filter(is_near).map(|sight| (cell(sight.at_m), sight)).collect();
     placed.sort_by_key(|(cell, _)| *cell);
-    let spots = placed.chunk_by(|a, b| a.0 == b.0).map(|points| Spot {
-        at_m: [0, 1]
-            .map(|axis| points.iter().map(|(_, at)| at[axis]).sum::<f64>() / count(points.len())),
-        points: u32::try_from(points.len()).unwrap_or(u32::MAX),
+    let spots = placed.chunk_by(|a, b| a.0 == b.0).map(|points| {
+        let mean = |place: fn(&Sight) -> [f64; 2]| {
+            let sum = |axis: usize| points.iter().map(|(_, sight)| place(sight)[axis]).sum::<f64>();
+            [0, 1].map(|axis| sum(axis) / count(points.len()))
+        };
+        Spot {
+            at_m: mean(|sight| sight.at_m),
+            from_m: mean(|sight| sight.from_m),
+            points: u32::try_from(points.len()).unwrap_or(u32::MAX),
+        }
     });
     spots.collect()
 }
@@ -260,6 +280,8 @@ struct Stretch {
     spots: Vec<Spot>,
     /// Standard deviation of its spots across the line, metres.
     sd_m: f64,
+    /// Whether most of them were seen from the side to which the line's normal points.
+    from_normal: bool,
 }
 
 /// Fits a line to spots, takes those that are near it, and again, within a band that narrows.
@@ -294,7 +316,15 @@ impl Stretch {
         let square = |spot: &Spot| line.frame(spot.at_m)[1] * line.frame(spot.at_m)[1];
         let squares: f64 = spots.iter().map(square).sum();
         let sd_m = libm::sqrt(squares / (count(spots.len()) - 2.0).max(1.0));
-        Self { line, ends_m: ends_m(&line, &spots), spots, sd_m }
+        let from_normal = spots.iter().filter(|spot| line.frame(spot.from_m)[1] > 0.0).count();
+        let from_normal = 2 * from_normal > spots.len();
+        Self { line, ends_m: ends_m(&line, &spots), spots, sd_m, from_normal }
+    }
+
+    /// Whether a spot is of another face: beside the line, and seen from the other side.
+    fn is_other_face(&self, spot: &Spot) -> bool {
+        self.line.frame(spot.at_m)[1].abs() > INSIDE_M
+            && (self.line.frame(spot.from_m)[1] > 0.0) != self.from_normal
     }
 
     fn length_m(&self) -> f64 {
@@ -354,10 +384,10 @@ impl Stretch {
         count(has) >= FILLED * count(filled.len())
     }
 
-    /// Whether there is little beside it.
+    /// Whether there is little beside it on its own side.
     fn stands_out(&self, all: &[Spot]) -> bool {
         let (mut inside, mut beside) = (0.0, 0.0);
-        for spot in all {
+        for spot in all.iter().filter(|spot| !self.is_other_face(spot)) {
             let [along_m, beside_m] = self.line.frame(spot.at_m);
             if self.piece(along_m).is_some() {
                 match beside_m.abs() {
@@ -400,7 +430,8 @@ impl Stretch {
     fn has_taken(&self, spot: &Spot) -> bool {
         let [along_m, beside_m] = self.line.frame(spot.at_m);
         let [from_m, to_m] = [self.ends_m[0] - TAKEN_ENDS_M, self.ends_m[1] + TAKEN_ENDS_M];
-        beside_m.abs() <= TAKEN_M && along_m >= from_m && along_m <= to_m
+        let is_near = beside_m.abs() <= TAKEN_M && along_m >= from_m && along_m <= to_m;
+        is_near && !self.is_other_face(spot)
     }
 
     /// Whether another stretch, found later, is of the same wall.
@@ -408,8 +439,9 @@ impl Stretch {
         let ([ax, ay], [bx, by]) = (self.line.normal, other.line.normal);
         let middle = other.line.place((other.ends_m[0] + other.ends_m[1]) / 2.0);
         let [along_m, beside_m] = self.line.frame(middle);
+        let is_same_side = (ax * bx + ay * by > 0.0) == (self.from_normal == other.from_normal);
         (ax * by - ay * bx).abs() < DOUBLE_SINE
-            && beside_m.abs() < DOUBLE_M
+            && beside_m.abs() < if is_same_side { DOUBLE_M } else { INSIDE_M }
             && along_m > self.ends_m[0]
             && along_m < self.ends_m[1]
     }
@@ -500,6 +532,34 @@ mod tests {
         sights.extend(line([2.0, -1.0], [2.0, 1.0], [0.0, 0.0]));
         let found = walls(&sights);
         assert!(found.len() == 1 && (found[0].from_m[0] - 2.0).abs() < 0.02, "{found:?}");
+    }
+
+    #[test]
+    fn a_thin_partition_has_two_faces_each_seen_from_its_side() {
+        let mut sights = line([1.0, -1.0], [1.0, 1.0], [0.0, 0.0]);
+        sights.extend(line([1.06, -1.0], [1.06, 1.0], [2.0, 0.0]));
+        let mut found = walls(&sights);
+        found.sort_by(|one, other| one.from_m[0].total_cmp(&other.from_m[0]));
+        assert_eq!(found.len(), 2, "{found:?}");
+        for (wall, x_m) in found.iter().zip([1.0, 1.06]) {
+            assert!((wall.from_m[0] - x_m).abs() < 0.01 && wall.length_m() > 1.9, "{wall:?}");
+        }
+    }
+
+    #[test]
+    fn a_panel_ends_where_its_points_become_few() {
+        let mut sights = line([1.0, -0.5], [1.0, 0.5], [0.0, 0.0]);
+        // Its end, heard from beside and beyond it.
+        let beyond = [(0.56, 0.4), (0.62, 0.4), (0.68, 0.8)];
+        sights
+            .extend(beyond.map(|(y_m, from_m)| Sight { at_m: [1.0, y_m], from_m: [0.2, from_m] }));
+        let found = walls(&sights);
+        assert_eq!(found.len(), 1, "{found:?}");
+        let [mut low_m, mut high_m] = [found[0].from_m[1], found[0].to_m[1]];
+        if low_m > high_m {
+            (low_m, high_m) = (high_m, low_m);
+        }
+        assert!((low_m + 0.5).abs() < 0.01 && (high_m - 0.5).abs() < 0.01, "{found:?}");
     }
 
     proptest! {

@@ -11,19 +11,21 @@ const TURNED: f64 = 0.5;
 /// So near to a wall's end another meets it, metres: as wide as a robot.
 const NEAR_M: f64 = 0.16;
 
-/// The walls with the ends moved that are near another wall; none becomes too short for a wall.
-pub(super) fn met(walls: &[Wall]) -> Vec<Wall> {
-    let end = |from_m: [f64; 2], to_m: [f64; 2]| {
+/// The walls, with the ends that are near another wall moved to where they meet it. Their other
+/// ends are those of `free`, and all are where a wall would become too short for one.
+pub(super) fn met(walls: &[Wall], free: &[Wall]) -> Vec<Wall> {
+    let end = |from_m: [f64; 2], to_m: [f64; 2], free_m: [f64; 2]| {
         let meetings = walls.iter().filter_map(|other| meeting(from_m, to_m, other));
         let nearest = meetings.min_by(|a, b| a.0.total_cmp(&b.0));
-        nearest.map_or(from_m, |(_, at_m)| at_m)
+        nearest.map_or(free_m, |(_, at_m)| at_m)
     };
-    let ends = |wall: &Wall| {
+    let ends = |(wall, free): (&Wall, &Wall)| {
         let Wall { from_m, to_m, .. } = *wall;
-        let met = Wall { from_m: end(from_m, to_m), to_m: end(to_m, from_m), ..*wall };
-        if met.length_m() < SHORTEST_M { *wall } else { met }
+        let [from_m, to_m] = [end(from_m, to_m, free.from_m), end(to_m, from_m, free.to_m)];
+        let met = Wall { from_m, to_m, ..*wall };
+        if met.length_m() < SHORTEST_M { *free } else { met }
     };
-    walls.iter().map(ends).collect()
+    walls.iter().zip(free).map(ends).collect()
 }
 
 /// Where another wall meets the one from `from_m` to `to_m` near its first end, and how far from
@@ -56,12 +58,13 @@ mod tests {
     #[test]
     fn walls_end_where_they_meet_and_gaps_as_wide_as_a_robot_stay() {
         // One that runs past, one that ends before, a door, and one that is not turned.
-        let met = met(&[
+        let walls = [
             wall([-0.1, 0.0], [2.0, 0.0]),
             wall([0.0, 0.1], [0.0, 1.0]),
             wall([1.2, 0.18], [1.2, 1.0]),
             wall([2.1, 0.02], [3.0, 0.02]),
-        ]);
+        ];
+        let met = met(&walls, &walls);
         let ends: Vec<[[f64; 2]; 2]> = met.iter().map(|wall| [wall.from_m, wall.to_m]).collect();
         let expected = [
             [[0.0, 0.0], [2.0, 0.0]],
@@ -75,7 +78,7 @@ mod tests {
 
     #[test]
     fn no_wall_becomes_too_short_for_one() {
-        let short = wall([-0.1, 0.0], [0.42, 0.0]);
-        assert_eq!(met(&[short, wall([0.0, -1.0], [0.0, 1.0])])[0], short);
+        let walls = [wall([-0.1, 0.0], [0.42, 0.0]), wall([0.0, -1.0], [0.0, 1.0])];
+        assert_eq!(met(&walls, &walls)[0], walls[0]);
     }
 }
