@@ -72,9 +72,8 @@ impl Layer {
 
     pub(super) fn set(&mut self, place: Place) {
         let row = usize::try_from(place.row).ok().and_then(|row| self.rows.get_mut(row));
-        let word = usize::try_from(place.column >> 5).ok();
-        if let Some(word) = row.zip(word).and_then(|(row, word)| row.get_mut(word)) {
-            *word |= 1 << (place.column & 31);
+        if let Some(row) = row {
+            set(row, place.column);
         }
     }
 
@@ -100,9 +99,26 @@ impl Layer {
         }
     }
 
+    /// Whether any of the cells up to so far from one along each axis is in it.
+    pub(super) fn has_around(&self, middle: Place, radius: i32) -> bool {
+        let mut columns = Row::default();
+        for column in middle.column - radius..=middle.column + radius {
+            set(&mut columns, column);
+        }
+        let mut rows = middle.row - radius..=middle.row + radius;
+        rows.any(|row| both(self.row(row), columns) != Row::default())
+    }
+
     /// How many of the five by five cells around one are in it.
     pub(super) fn count_around(&self, place: Place) -> i32 {
         place.square(2).map(|cell| i32::from(self.has(cell))).sum()
+    }
+}
+
+/// Sets a column's bit; there is none outside.
+fn set(row: &mut Row, column: i32) {
+    if let Some(word) = usize::try_from(column >> 5).ok().and_then(|word| row.get_mut(word)) {
+        *word |= 1 << (column & 31);
     }
 }
 

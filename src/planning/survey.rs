@@ -85,7 +85,7 @@ pub(super) struct Survey {
     /// How much speaks for something in a cell, of what was heard.
     evidence: Vec<u8>,
     /// Where that is enough, and where there is any.
-    walls: Layer,
+    pub(super) walls: Layer,
     suspects: Layer,
     /// A beam passed through from near.
     pub(super) swept: Layer,

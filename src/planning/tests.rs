@@ -157,6 +157,24 @@ fn what_is_further_from_home_comes_first_where_the_way_there_is_not_much_longer(
 }
 
 #[test]
+fn what_is_by_a_wall_comes_before_the_open_outside() {
+    // Floor leads out of the gap, and the robot is at its end.
+    let indent = " ".repeat(40);
+    let lines: Vec<String> = (0..)
+        .zip(&room())
+        .map(|(row, line)| {
+            let outside = if (7..15).contains(&row) { "." } else { " " };
+            format!("{indent}{}{}", line.trim_end(), outside.repeat(41))
+        })
+        .collect();
+    let mut drawn = drawn(&lines, [55, 0]);
+    hear(&mut drawn, 2);
+    drawn.planner.survey.swept.fill_square(Place { column: 100, row: 100 }, 61);
+    let [x_m, y_m] = drawn.plan(&exploring(1)).0.goal();
+    assert!((1.1..2.2).contains(&x_m) && y_m.abs() < 0.25, "({x_m}, {y_m})");
+}
+
+#[test]
 fn what_was_looked_at_is_asked_for_no_more_and_then_nothing_is_left() {
     let mut drawn = drawn(&room(), [15, 0]);
     hear(&mut drawn, 2);
@@ -200,6 +218,19 @@ fn a_way_leads_round_a_wall_and_keeps_away_from_it() {
         let below_m = (-0.1 - y_m).max(0.0);
         assert!(libm::hypot(beside_m, below_m) > 0.12, "({x_m}, {y_m})");
     }
+}
+
+#[test]
+fn a_known_way_is_taken_however_much_shorter_one_over_what_is_not_known_would_be() {
+    let arms = format!("{0}{1:6}{0}", ".".repeat(9), "");
+    let mut lines = vec![arms.as_str(); 30];
+    let bend = ".".repeat(24);
+    lines.extend([bend.as_str(); 9]);
+    let mut drawn = Drawn::of(&lines, [-8, 14]);
+    let (plan, _) = drawn.plan(&to_place(1, [7, 14]));
+    assert_eq!(plan.outcome, Outcome::Way);
+    let least_m = plan.waypoints().map(|[_, y_m]| y_m).fold(f64::INFINITY, f64::min);
+    assert!(least_m < -0.55, "round the bend: {least_m}");
 }
 
 #[test]
@@ -311,6 +342,10 @@ fn the_way_home_is_that_over_the_map_and_grows_as_the_robot_drives_on() {
     let mut drawn = drawn(&walled, [12, 0]);
     hear(&mut drawn, 2);
     assert_eq!(drawn.planner.home_m(&drawn.start), None, "nothing is planned yet");
+    // It came that way.
+    for [x_m, y_m] in [[0.0, 0.0], [0.0, 0.2], [0.1, 0.3], [0.2, 0.35], [0.3, 0.35], [0.4, 0.3]] {
+        drawn.stand(Pose { x_m, y_m, heading_rad: 0.0 });
+    }
     for request in [exploring(1), to_place(2, [15, 0])] {
         drawn.plan(&request);
         while drawn.planner.phase != Phase::Idle {
@@ -322,6 +357,31 @@ fn the_way_home_is_that_over_the_map_and_grows_as_the_robot_drives_on() {
         let more_m = drawn.planner.home_m(&further).expect("there is a way") - home_m;
         assert!((more_m - 0.2).abs() < 0.03, "{more_m} m");
     }
+}
+
+#[test]
+fn a_narrow_piece_of_the_way_home_counts_for_more_until_it_was_driven() {
+    let mut walled = room();
+    for (row, line) in walled.iter_mut().enumerate() {
+        if !(7..15).contains(&row) {
+            line.replace_range(25..27, "##");
+        }
+    }
+    let mut drawn = drawn(&walled, [12, 0]);
+    hear(&mut drawn, 2);
+    let home_m = |drawn: &mut Drawn, serial| {
+        drawn.plan(&exploring(serial));
+        while drawn.planner.phase != Phase::Idle {
+            drawn.planner.step(None, &drawn.grid, &drawn.start);
+        }
+        drawn.planner.home_m(&drawn.start).expect("there is a way")
+    };
+    let before_m = home_m(&mut drawn, 1);
+    for cell in 0..=12 {
+        drawn.stand(Pose { x_m: f64::from(cell) * 0.05, ..START });
+    }
+    let after_m = home_m(&mut drawn, 2);
+    assert!(before_m > 3.0 && (0.6..1.6).contains(&after_m), "{before_m} m, {after_m} m");
 }
 
 #[test]

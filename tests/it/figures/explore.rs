@@ -431,6 +431,27 @@ closed = true
     assert!(summary.home[0] >= 1.0, "{} at home by truth", summary.home[0]);
 }
 
+/// Outside a door there is floor as far as the robot may go: its own room comes first.
+#[test]
+#[cfg_attr(target_arch = "arm", ignore = "long runs, the same bits as on a PC")]
+fn a_room_whose_door_leads_to_the_open_is_mapped_before_that() {
+    const ROOM: &str = r#"
+name = "door"
+[[start]]
+at = [0.0, 0.0]
+[[wall]]
+points = [
+    [0.45, -1.76], [0.84, -1.76], [0.84, 0.58], [-1.83, 0.58], [-1.83, -1.76], [-0.42, -1.76],
+]
+"#;
+    print_head();
+    let summary = summary("a door", |seed| explored("door", ROOM, seed, 600.0), 3);
+    // 79 % where in the open, too, what is further from home comes first.
+    assert!(summary.coverage > 0.9, "coverage {}", summary.coverage);
+    // From outside, a wall of which nothing was heard is taken for the way home: seed 2's way.
+    assert!(summary.home[0] >= 0.6, "{} at home by truth", summary.home[0]);
+}
+
 #[test]
 #[cfg_attr(target_arch = "arm", ignore = "long runs, the same bits as on a PC")]
 fn a_gyro_that_is_off_is_found_out_before_exploring() {
