@@ -35,7 +35,7 @@ pub enum Signal {
     /// Metres driven since the start of the run, forwards and backwards both counting.
     Travelled,
     /// Metres to where the run started: straight, or where the mission plans ways, of the way over
-    /// the map, of which a narrow piece counts two and a half times (see
+    /// the map, of which a narrow piece counts for more (see
     /// [`Planner::home_m`](crate::planning::Planner::home_m)); never less than straight.
     Home,
 }

@@ -23,17 +23,37 @@ pub(super) enum Token<'t> {
 /// A token and the bytes where it stands.
 pub(super) type Placed<'t> = (Token<'t>, Range<usize>);
 
-/// What other languages write, and what is meant.
-const FOREIGN: [(&str, &str); 8] = [
-    ("&&", "and"),
-    ("||", "or"),
-    ("=", "=="),
-    ("!", "not"),
-    ("≤", "<="),
-    ("≥", ">="),
-    ("≠", "!="),
-    ("−", "-"),
+/// What other languages write, and the way out.
+const FOREIGN: [(&str, &str); 19] = [
+    ("&&", "write `and`"),
+    ("||", "write `or`"),
+    ("AND", "write `and`"),
+    ("OR", "write `or`"),
+    ("NOT", "write `not`"),
+    ("=", "write `==`"),
+    ("!", "write `not`"),
+    ("≤", "write `<=`"),
+    ("≥", "write `>=`"),
+    ("≠", "write `!=`"),
+    ("<>", "write `!=`"),
+    ("−", "write `-`"),
+    ("**", POWER),
+    ("^", POWER),
+    ("%", "the rest of a division is `a - b * floor(a / b)`; a unit is part of a name"),
+    ("'", QUOTES),
+    ("\"", QUOTES),
+    ("?", CHOICE),
+    ("if", CHOICE),
 ];
+
+const POWER: &str = "a square is `a * a`, and a root `sqrt(a)`";
+const QUOTES: &str = "a word stands without quotes, as in `colour == red`";
+const CHOICE: &str = "an expression does not choose: a transition for each case, with its `when`";
+
+/// The way out where a word is another language's.
+pub(super) fn foreign(word: &str) -> Option<&'static str> {
+    FOREIGN.iter().find(|(sign, _)| *sign == word).map(|(_, hint)| *hint)
+}
 
 /// What is said of `0.25m`, `25 cm` and `90°`.
 pub(super) const UNIT: &str = "a unit is part of a name, as in `range_m < 0.25`";
@@ -68,7 +88,7 @@ fn token(rest: &str, first: char) -> Result<(Token<'_>, usize), Bad> {
         return number(rest);
     }
     if first.is_alphabetic() || first == '_' {
-        return Ok(name(rest));
+        return name(rest);
     }
     match first {
         '(' => return Ok((Token::Open, 1)),
@@ -76,20 +96,25 @@ fn token(rest: &str, first: char) -> Result<(Token<'_>, usize), Bad> {
         ',' => return Ok((Token::Comma, 1)),
         _ => {}
     }
-    if let Some((sign, infix)) = OPERATORS.iter().find(|(sign, _)| rest.starts_with(sign)) {
+    let foreign = FOREIGN.iter().find(|(sign, _)| rest.starts_with(sign));
+    let operator = OPERATORS.iter().find(|(sign, _)| rest.starts_with(sign));
+    // The longer one: `==` and not `=`, `**` and not `*`.
+    let longer = |sign: &str| foreign.is_none_or(|(other, _)| other.len() < sign.len());
+    if let Some((sign, infix)) = operator.filter(|(sign, _)| longer(sign)) {
         return Ok((Token::Infix(*infix), sign.len()));
     }
-    let foreign = FOREIGN.iter().find(|(sign, _)| rest.starts_with(sign));
     let (sign, hint) = match foreign {
-        Some((sign, meant)) => ((*sign).to_owned(), Some(format!("write `{meant}`"))),
-        None if matches!(first, '%' | '°') => (first.to_string(), Some(UNIT.to_owned())),
+        Some((sign, hint)) => return Err(other_languages(sign, hint)),
+        None if first == '°' => (first.to_string(), UNIT),
         None => {
-            let known = "known are + - * / < <= > >= == != and or not ( )";
-            (first.escape_debug().to_string(), Some(known.to_owned()))
+            (first.escape_debug().to_string(), "known are + - * / < <= > >= == != and or not ( )")
         }
     };
-    let length = foreign.map_or(first.len_utf8(), |(sign, _)| sign.len());
-    Err((Mistake::Character(sign), length, hint))
+    Err((Mistake::Character(sign), first.len_utf8(), Some(hint.to_owned())))
+}
+
+fn other_languages(sign: &str, hint: &str) -> Bad {
+    (Mistake::Character(sign.to_owned()), sign.len(), Some(hint.to_owned()))
 }
 
 fn number(rest: &str) -> Result<(Token<'_>, usize), Bad> {
@@ -118,9 +143,12 @@ fn number_length(rest: &str) -> usize {
     rest.char_indices().take_while(inside).last().map_or(0, |(at, c)| at + c.len_utf8())
 }
 
-fn name(rest: &str) -> (Token<'_>, usize) {
+fn name(rest: &str) -> Result<(Token<'_>, usize), Bad> {
     let length =
         rest.find(|c: char| !(c.is_alphanumeric() || matches!(c, '_' | '.'))).unwrap_or(rest.len());
+    if let Some(hint) = foreign(&rest[..length]) {
+        return Err(other_languages(&rest[..length], hint));
+    }
     let token = match &rest[..length] {
         "not" => Token::Not,
         "true" => Token::Truth(true),
@@ -130,5 +158,5 @@ fn name(rest: &str) -> (Token<'_>, usize) {
             None => Token::Name(name),
         },
     };
-    (token, length)
+    Ok((token, length))
 }

@@ -50,11 +50,12 @@ pub(super) fn parse(
         ops: Vec::new(),
         names: Vec::new(),
         misreadings: Vec::new(),
+        is_unread: false,
     };
     // A mistake in grammar has been noted where it stands.
     let whole = parser.whole(kind);
     match whole {
-        Some(kind) if parser.misreadings.is_empty() => Ok(Expression {
+        Some(kind) if parser.misreadings.is_empty() && !parser.is_unread => Ok(Expression {
             text: text.into(),
             kind,
             ops: parser.ops.into(),
@@ -83,6 +84,8 @@ struct Parser<'p, 'c> {
     ops: Vec<Op>,
     names: Vec<String>,
     misreadings: Vec<Misreading>,
+    /// It uses a number whose value is wrong.
+    is_unread: bool,
 }
 
 impl<'p> Parser<'p, '_> {
@@ -342,6 +345,10 @@ impl<'p> Parser<'p, '_> {
                     self.unusable(place, mistake, hint)
                 }
             };
+        }
+        if self.vocabulary.unread.contains(name) {
+            self.is_unread = true;
+            return (None, place);
         }
         let own = self.vocabulary.numbers.get(name).copied();
         if let Some(variable) = self.vocabulary.variable(name) {

@@ -1,11 +1,11 @@
 //! The names that an expression may use.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 
 use super::Infix;
 use super::function::FUNCTIONS;
-use super::lexer::{Placed, Token};
+use super::lexer::{Placed, Token, foreign};
 use super::mistake::Mistake;
 use crate::behavior::signals::{Capabilities, words};
 use crate::behavior::{MAX_MOTORS, MAX_SENSORS};
@@ -33,6 +33,8 @@ pub struct Vocabulary<'c> {
     pub(in crate::behavior) capabilities: &'c Capabilities,
     /// The mission's own numbers.
     pub numbers: BTreeMap<String, f64>,
+    /// Those of them whose values are wrong, of which enough was said.
+    pub(in crate::behavior) unread: BTreeSet<String>,
     /// The mission's variables, each with what it is at the start, in the order of their places.
     pub variables: Vec<(String, f64)>,
     /// The mission's machines in their order, each with its states and their places.
@@ -61,6 +63,7 @@ impl<'c> Vocabulary<'c> {
         Self {
             capabilities,
             numbers: BTreeMap::new(),
+            unread: BTreeSet::new(),
             variables: Vec::new(),
             machines: Vec::new(),
             scope: String::new(),
@@ -121,6 +124,7 @@ impl<'c> Vocabulary<'c> {
     pub(in crate::behavior) fn is_taken(name: &str) -> bool {
         words().any(|word| word.name == name)
             || LANGUAGE.into_iter().chain(["motor", "sensor"]).any(|word| word == name)
+            || foreign(name).is_some()
             || FUNCTIONS.iter().any(|row| row.0.name() == name)
     }
 }

@@ -152,8 +152,14 @@ impl<'d> Reader<'_, 'd, '_> {
     fn numbers(&mut self) {
         for item in self.root.items_of("numbers") {
             let (low, high) = Mission::NUMBERS;
-            let own = self.own_name(&item).zip(item.number(low..=high));
-            self.vocabulary.numbers.extend(own);
+            let value = item.number(low..=high);
+            let Some(name) = self.own_name(&item) else { continue };
+            if let Some(value) = value {
+                self.vocabulary.numbers.insert(name, value);
+            } else {
+                // Where its value is wrong it is no unknown name.
+                self.vocabulary.unread.insert(name);
+            }
         }
     }
 
@@ -187,7 +193,10 @@ impl<'d> Reader<'_, 'd, '_> {
     /// A name of the mission's own.
     fn own_name(&self, item: &Item<'d>) -> Option<String> {
         let name = item.key();
-        if Vocabulary::is_taken(name) || name == Mission::TIME_LIMIT {
+        if name == Mission::TIME_LIMIT {
+            item.error_at_key(format!("`{name}` is a key of the whole mission"))
+                .hint("write it above the first [table] of the file");
+        } else if Vocabulary::is_taken(name) {
             item.error_at_key(format!("`{name}` already has a meaning in conditions"))
                 .hint("choose another name");
         } else if !is_plain(name) {

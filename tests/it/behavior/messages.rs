@@ -188,6 +188,10 @@ fn cases() -> Vec<(&'static str, String)> {
                  [machine.drive.state.b]",
             ),
         ),
+        (
+            "a number that cannot be read, and is used",
+            when("range_m < close_m").replace("0.25", "\"near\""),
+        ),
         ("no machine", "name = \"m\"\n[machine]\n".to_owned()),
         ("nine machines", machines(9)),
         ("eleven machines", machines(11)),
@@ -319,7 +323,7 @@ fn cases() -> Vec<(&'static str, String)> {
             next(
                 "{ when = \"touch && echo\", go = \"b\" }, { when = \"range_m = 1\", go = \"b\" }, \
                  { when = \"!touch\", go = \"b\" }, { when = \"range_m ≤ 1\", go = \"b\" }, { when \
-                 = \"x_m^2 > 1\", go = \"b\" }",
+                 = \"x_m^2 > 1\", go = \"b\" }, { when = \"colour == 'red'\", go = \"b\" }",
             ),
         ),
         (
