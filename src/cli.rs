@@ -150,11 +150,13 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
                 return Output::new(true).fail(&Failure::usage(message));
             }
             let text = output::safe(&text);
-            let _ = match error.use_stderr() {
-                true => std::io::stderr().write_all(text.as_bytes()),
-                false => std::io::stdout().write_all(text.as_bytes()),
-            };
-            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+            if error.use_stderr() {
+                let _ = std::io::stderr().write_all(text.as_bytes());
+                return ExitCode::from(Exit::Usage as u8);
+            }
+            let mut output = Output::new(false);
+            output.bytes(text.as_bytes());
+            return output.conclude(Ok(()));
         }
     };
     let level = [log::LevelFilter::Warn, log::LevelFilter::Info, log::LevelFilter::Debug];
@@ -169,10 +171,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let mut output = Output::new(arguments.json);
     let ended = arguments.command.run(&mut output);
     let is_cut_short = ended.is_err() || output.was_stopped();
-    let code = match ended {
-        Ok(()) => output.code(),
-        Err(failure) => output.fail(&failure),
-    };
+    let code = output.conclude(ended);
     if is_cut_short {
         terminal::die_of_interrupt();
     }

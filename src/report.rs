@@ -254,7 +254,7 @@ impl Scene {
             waiting.retain(|&place| {
                 let Some(track) = self.tracks.get_mut(place) else { return false };
                 let (own, start_m) = (sights(track), track.start_m());
-                let mut outcome = Err(Misfit::Few);
+                let mut outcome = Err(Misfit::Few { points: 0 });
                 for reference in placed.iter().rev() {
                     outcome = mapping::align(reference, &own, start_m);
                     if outcome.is_ok() {
@@ -442,6 +442,8 @@ mod tests {
         let outcomes = scene.align();
         let fit: Vec<bool> = outcomes.iter().map(|(_, outcome)| outcome.is_ok()).collect();
         assert_eq!(fit, [false, false, true], "{outcomes:?}");
+        let said = outcomes[0].1.unwrap_err().to_string();
+        assert!(said.contains("its map has ") && said.contains("60 are the fewest"), "{said}");
         assert_eq!(outcomes.iter().map(|(place, _)| *place).collect::<Vec<_>>(), [0, 2, 3]);
         let apart: Vec<bool> = scene.tracks.iter().map(|track| track.is_apart).collect();
         assert_eq!(apart, [true, false, true, false]);

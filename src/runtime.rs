@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use crate::behavior::{Capabilities, Mission, submachines};
 use crate::clock::SECOND_NS;
 use crate::document::{Document, Findings, read_bounded};
-use crate::ev3dev::LocalTree;
+use crate::ev3dev::{LocalTree, Tree as _};
 use crate::mapping::{Method, Pose};
 use crate::recording;
 use crate::robot::RobotConfig;
@@ -62,7 +62,7 @@ pub use environment::{CreateSink, Environment, SeeTruth, Truth};
 pub use evict::{OrphansError, PATIENCE_NS, end_by_force, evict, stop_orphans};
 pub use execute::{Refused, execute};
 pub use guard::{Lines, MISSED_NS, Pulse, Watch};
-pub use lock::{HardwareLock, LockError, Owner};
+pub use lock::{HardwareLock, LockError, Owner, halt_command};
 pub use pilot::{ChangedVariables, Pilot, PilotError, PilotState, Step};
 pub use prepare::{GYRO_STILL_RAD, NotReady, prepare};
 #[cfg(feature = "cli")]
@@ -235,6 +235,17 @@ pub enum Brick {
         /// Keeps step with the wall clock; otherwise time passes as fast as the machine allows.
         realtime: bool,
     },
+}
+
+impl Brick {
+    /// Where it is in this machine's files; a simulated one is nowhere.
+    #[must_use]
+    pub fn root(&self) -> Option<&Path> {
+        match self {
+            Self::Local(tree) => Some(tree.root()),
+            Self::Simulated { .. } => None,
+        }
+    }
 }
 
 /// How a run is going, for its starter.

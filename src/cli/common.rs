@@ -89,6 +89,10 @@ fn hint_at_names(failure: Failure, path: &Path, what: &str, names: &[&str]) -> F
     if path.is_file() {
         return failure;
     }
+    let file = Path::new(".").join(path).with_extension("toml");
+    if file.is_file() {
+        return failure.hint(format!("{}, where that file is meant", file.display()));
+    }
     let names = one_of(&path.to_string_lossy(), names.iter().copied());
     failure.hint(format!("a {what}'s file, or {names}"))
 }
@@ -181,17 +185,6 @@ fn broken_mission(source: &Source, findings: &Findings) -> Failure {
 pub(super) fn warn(findings: &Findings) {
     for finding in findings {
         log::warn!("{finding}");
-    }
-}
-
-/// `name=value` of `--set`.
-pub(super) fn setting(text: &str) -> Result<(String, f64), String> {
-    let (name, value) = text.split_once('=').ok_or("it is written name=value")?;
-    let value: f64 = value.parse().map_err(|_| format!("`{value}` is not a number"))?;
-    if value.is_finite() {
-        Ok((name.to_owned(), value))
-    } else {
-        Err("the number must be finite".to_owned())
     }
 }
 
@@ -463,7 +456,7 @@ impl From<Findings> for Failure {
 #[cfg(feature = "sim")]
 impl From<Refused> for Failure {
     fn from(refused: Refused) -> Self {
-        Self::of_refused(refused.stop().to_string(), refused.way_out())
+        Self::of_refused(refused.stop().to_string(), refused.way_out(None).as_deref())
     }
 }
 

@@ -13,7 +13,7 @@ use crate::ev3dev::{Inventory, LocalTree, Tree};
 use crate::robot::{Halted, halt, watch_still};
 use crate::runtime::{
     HardwareLock, LockError, OrphansError, Owner, PATIENCE_NS, StopBy, StopRequest, evict,
-    stop_orphans,
+    halt_command, stop_orphans,
 };
 
 /// Stop the run that drives, then every motor, and watch for a second that nothing moves.
@@ -67,13 +67,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         output.line(format!("{}: {} stopped", motor.address, motor.driver_name));
     }
     if motors.is_empty() {
-        let is_brick = Inventory::read(&tree).map_or(true, |found| !found.is_empty());
-        let elsewhere = if is_brick {
-            ""
-        } else {
-            ", and no brick: onbrick stop stops those that are known in the network"
-        };
-        output.line(format!("there are no motors below {}{elsewhere}", arguments.brick.display()));
+        if Inventory::read(&tree).is_ok_and(|found| found.is_empty()) {
+            return Err(no_brick(&arguments.brick).hint(
+                "run this on the brick; onbrick stop stops those that are known in the network",
+            ));
+        }
+        output.line(format!("there are no motors below {}", arguments.brick.display()));
     }
     output.value(&Report {
         stopped_run: stopped_run.clone().filter(|_| ended),
@@ -85,7 +84,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             "the motors are still, but {} (process {}) cannot be ended",
             owner.doing, owner.pid
         );
-        return Err(Failure::failed(why).hint("run onbrick halt as the same user, or as root"));
+        let hint = format!("{} as the same user, or as root", halt_command(&arguments.brick));
+        return Err(Failure::failed(why).hint(hint));
     }
     if moving.is_empty() {
         return Ok(());

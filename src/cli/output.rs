@@ -127,7 +127,8 @@ pub(super) fn safe(text: &str) -> Cow<'_, str> {
 #[derive(Debug)]
 pub struct Output {
     json: bool,
-    closed: bool,
+    /// Why nothing can be printed any more.
+    broken: Option<io::Error>,
     /// The exit code of what was done, where it is not 0.
     code: u8,
 }
@@ -136,7 +137,7 @@ impl Output {
     /// Text for people, or JSON for programs.
     #[must_use]
     pub fn new(json: bool) -> Self {
-        Self { json, closed: false, code: 0 }
+        Self { json, broken: None, code: 0 }
     }
 
     /// Has this program end with an exit code, such as another one's.
@@ -150,10 +151,12 @@ impl Output {
         self.code == Exit::Stopped as u8
     }
 
-    /// The exit code of a command that did what it was asked to.
-    #[must_use]
-    pub fn code(&self) -> ExitCode {
-        ExitCode::from(self.code)
+    /// The exit code of a command that ended so; on the error stream, why it failed.
+    pub fn conclude(&mut self, ended: Result<(), Failure>) -> ExitCode {
+        match ended.and_then(|()| self.arrived()) {
+            Ok(()) => ExitCode::from(self.code),
+            Err(failure) => self.fail(&failure),
+        }
     }
 
     /// True where a program reads the output.
@@ -162,10 +165,27 @@ impl Output {
         self.json
     }
 
-    /// True once the reader of the output has gone away.
+    /// True once nothing can be printed any more: the reader has gone away, or the disk is full.
     #[must_use]
     pub fn is_closed(&self) -> bool {
-        self.closed
+        self.broken.is_some()
+    }
+
+    /// Whether all that was printed has arrived, as far as it was read.
+    ///
+    /// A reader that has gone away (`onbrick … | head`) is no failure.
+    ///
+    /// # Errors
+    ///
+    /// A file that the output goes into has not taken it.
+    pub fn arrived(&self) -> Result<(), Failure> {
+        match &self.broken {
+            Some(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+                Err(Failure::from_error(Exit::Failed, "cannot write the output", error)
+                    .hint("a file on a disk with room"))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// True where a person watches: progress is worth showing.
@@ -229,11 +249,11 @@ impl Output {
     }
 
     /// Prints bytes as they are: what another program would have.
-    ///
-    /// A reader that has gone away (`onbrick … | head`) is no failure.
     pub fn bytes(&mut self, bytes: &[u8]) {
         let mut out = io::stdout().lock();
-        self.closed |= out.write_all(bytes).and_then(|()| out.flush()).is_err();
+        if let Err(error) = out.write_all(bytes).and_then(|()| out.flush()) {
+            self.broken.get_or_insert(error);
+        }
     }
 
     fn print(&mut self, text: &str) {

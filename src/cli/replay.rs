@@ -55,15 +55,21 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
                 })
                 .collect();
             let worst = failures.iter().map(|failure| failure.exit).max_by_key(|exit| *exit as u8);
-            worst.map_or(Ok(()), |exit| {
-                let (failed, all) = (failures.len(), counted(several.len(), "recording"));
-                Err(Failure::new(
-                    exit,
-                    format!("{failed} of {all} did not replay as they were made"),
-                ))
-            })
+            worst.map_or(Ok(()), |exit| Err(Failure::new(exit, how_many(&failures, several.len()))))
         }
     }
+}
+
+/// How many recordings differ, and how many could not be replayed.
+fn how_many(failures: &[Failure], all: usize) -> String {
+    let differ = failures.iter().filter(|failure| failure.exit == Exit::Failed).count();
+    let all = counted(all, "recording");
+    let told = [
+        (differ, "did not replay as they were made"),
+        (failures.len() - differ, "could not be replayed"),
+    ];
+    let told = told.into_iter().filter(|(count, _)| *count > 0);
+    told.map(|(count, what)| format!("{count} of {all} {what}")).collect::<Vec<_>>().join(", ")
 }
 
 /// Replays a run and compares; `named` where it is one of several.

@@ -10,7 +10,7 @@ use super::brick::{MissionBrick, brick_is_there};
 use super::common::method;
 use super::common::{
     chosen_robot, load_mission, load_robot, number_within, own_program, pose, read_mission,
-    setting, stamps_ns, warn,
+    stamps_ns, warn,
 };
 use super::folder::RunFolder;
 use super::happenings::Happenings;
@@ -24,7 +24,9 @@ use crate::mapping::Method;
 use crate::mapping::Pose;
 use crate::printable::in_shell;
 use crate::robot::RobotConfig;
-use crate::runtime::{Brick, Ended, Event, Job, RunError, RunProcess, Stop, StopBy, Stopper};
+use crate::runtime::{
+    Brick, Ended, Event, Job, RunError, RunProcess, Stop, StopBy, StopReason, Stopper, halt_command,
+};
 use crate::units::radians;
 
 #[cfg(feature = "host")]
@@ -137,10 +139,7 @@ fn prepare(
     let source = read_mission(&arguments.mission)?;
     let (mut mission, warnings) = load_mission(&source, &robot.config.capabilities())?;
     warn(&warnings);
-    for (name, value) in &arguments.set {
-        let set = mission.set(name, *value);
-        set.context(Exit::Usage, format_args!("--set {name}={value}"))?;
-    }
+    set_numbers(&mut mission, &arguments.set)?;
     mission.within_limits().map_err(|error| Failure::from_error(Exit::Usage, "--set", &error))?;
     let (brick, start) = brick(arguments, chosen.is_some().then_some(&robot.config))?;
     let start = arguments.pose.map_or(start, |[x_m, y_m, deg]| Pose {
@@ -162,6 +161,24 @@ fn prepare(
     Ok(Prepared { job, mission, folder })
 }
 
+/// `name=value` of `--set`.
+pub(super) fn setting(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = text.split_once('=').ok_or("it is written name=value")?;
+    let value: f64 = value.parse().map_err(|_| format!("`{value}` is not a number"))?;
+    if value.is_finite() {
+        Ok((name.to_owned(), value))
+    } else {
+        Err("the number must be finite".to_owned())
+    }
+}
+
+/// Gives a mission's numbers the values of `--set`.
+pub(super) fn set_numbers(mission: &mut Mission, set: &[(String, f64)]) -> Result<(), Failure> {
+    set.iter().try_for_each(|(name, value)| {
+        mission.set(name, *value).context(Exit::Usage, format_args!("--set {name}={value}"))
+    })
+}
+
 /// Says how a run ended.
 fn conclude(ended: &Ended, output: &mut Output) -> Result<(), Failure> {
     let file = &ended.file;
@@ -174,7 +191,7 @@ fn conclude(ended: &Ended, output: &mut Output) -> Result<(), Failure> {
 pub(super) fn verdict(stop: &Stop, file: &Path, output: &mut Output) -> Result<(), Failure> {
     if !stop.reason.is_wanted() {
         let (seen, json) = (output.is_one_screen(), output.is_json());
-        return Err(ended_badly(stop.to_string(), file, seen, json));
+        return Err(ended_badly(stop, file, seen, json));
     }
     // At a page it is one of several.
     output.ends_with(if stop.reason.is_complete() { 0 } else { Exit::Stopped as u8 });
@@ -185,11 +202,15 @@ pub(super) fn verdict(stop: &Stop, file: &Path, output: &mut Output) -> Result<(
 ///
 /// - `seen`: that line stands right above.
 /// - `json`: a program reads it, and what programs read stays as it was.
-fn ended_badly(why: String, file: &Path, seen: bool, json: bool) -> Failure {
-    let message =
-        if seen { "the run did not come to a good end, as said above".into() } else { why };
+fn ended_badly(stop: &Stop, file: &Path, seen: bool, json: bool) -> Failure {
+    let message = match seen {
+        true => "the run did not come to a good end, as said above".to_owned(),
+        false => stop.to_string(),
+    };
     let file = in_shell(file);
-    Failure::failed(message).hint(if cfg!(feature = "host") && !json {
+    Failure::failed(message).hint(if stop.reason == StopReason::Recording {
+        format!("room on its disk, or --out on another one; {file} has what came before")
+    } else if cfg!(feature = "host") && !json {
         format!("onbrick plot {file} -o run.html, to see where it was; onbrick replay {file}")
     } else {
         format!("onbrick replay {file}")
@@ -287,7 +308,9 @@ fn follow(
             failed("the run", &error).hint(after_silence(&job.file))
         }
         RunError::Silent { .. } | RunError::Io(_) => {
-            failed("the run", &error).hint("onbrick halt, to be sure that the motors are still")
+            let halt = halt_command(job.brick.root().unwrap_or(Path::new("/")));
+            let hint = format!("{halt}, to be sure that the motors are still");
+            failed("the run", &error).hint(hint)
         }
     })
 }
@@ -321,10 +344,11 @@ mod tests {
 
     #[test]
     fn why_a_run_ended_badly_is_not_said_twice_on_one_screen() {
-        let said =
-            |seen| ended_badly("it fell".to_owned(), Path::new("my r.mcap"), seen, false).to_text();
-        assert!(said(false).starts_with("error: it fell\n  try: onbrick "), "{}", said(false));
-        assert!(!said(true).contains("it fell"), "{}", said(true));
+        let stop = StopReason::Stalled.into();
+        let said = |seen| ended_badly(&stop, Path::new("my r.mcap"), seen, false).to_text();
+        let first = "error: a wheel is blocked\n  try: onbrick ";
+        assert!(said(false).starts_with(first), "{}", said(false));
+        assert!(!said(true).contains("blocked"), "{}", said(true));
         for seen in [true, false] {
             assert!(said(seen).ends_with("onbrick replay 'my r.mcap'"), "{}", said(seen));
         }
@@ -341,7 +365,12 @@ mod tests {
 
     #[test]
     fn a_program_reads_why_a_run_ended_badly_as_ever() {
-        let failure = ended_badly("it fell".to_owned(), Path::new("r.mcap"), false, true);
-        assert_eq!(failure.to_text(), "error: it fell\n  try: onbrick replay r.mcap");
+        let ended = |reason: StopReason| {
+            ended_badly(&reason.into(), Path::new("r.mcap"), false, true).to_text()
+        };
+        let said = ended(StopReason::Stalled);
+        assert_eq!(said, "error: a wheel is blocked\n  try: onbrick replay r.mcap");
+        let said = ended(StopReason::Recording);
+        assert!(said.contains("try: room on its disk"), "{said}");
     }
 }

@@ -18,7 +18,7 @@ use signal_hook::iterator::Signals;
 use super::output::safe;
 use super::{Context, Exit, Failure, Hint};
 use crate::commissioning::{Dialogue, NoAnswer};
-use crate::runtime::{HardwareLock, STOP_SIGNALS, StopFlags, StopWatch};
+use crate::runtime::{HardwareLock, STOP_SIGNALS, StopFlags, StopWatch, halt_command};
 
 /// How long a nap is, milliseconds.
 const NAP_MS: u8 = 100;
@@ -190,7 +190,7 @@ impl Driving {
         raised_by(SIGINT, &INTERRUPTED)?;
         let _lock = HardwareLock::take(root, doing)
             .context(Exit::Refused, "the robot is taken")
-            .hint("onbrick halt")?;
+            .hint(&halt_command(root))?;
         let _requests = flags
             .watch_requests(root)
             .context(Exit::Failed, "cannot listen to requests to stop")?;

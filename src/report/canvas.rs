@@ -191,7 +191,11 @@ impl Canvas {
         area.present().map_err(draw_error)
     }
 
+    /// A line through these places; one place alone is none, and no reader of SVG takes it for one.
     pub(super) fn line(&mut self, line: &[[f64; 2]], colour: RGBColor, width: f64) {
+        if line.len() < 2 {
+            return;
+        }
         let stroke = whole((width * self.scale).max(1.0));
         let style = ShapeStyle { color: colour.to_rgba(), filled: false, stroke_width: stroke };
         let points: Vec<(i32, i32)> = line.iter().map(|place| self.at(*place)).collect();
@@ -237,9 +241,7 @@ impl Canvas {
                 (left, is_drawn) = (dash, !is_drawn);
             }
         }
-        if piece.len() > 1 {
-            self.line(&piece, colour, width);
-        }
+        self.line(&piece, colour, width);
     }
 
     pub(super) fn polygon(&mut self, corners: &[[f64; 2]], colour: RGBColor) {

@@ -1,7 +1,8 @@
 //! One job from its checks to its recording.
 
+use std::borrow::Cow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nix::errno::Errno;
@@ -19,7 +20,7 @@ use super::environment::{Environment, Floor};
 use super::pilot::PilotError;
 use super::{
     Brick, Ended, Event, HardwareLock, Heartbeat, Job, Lock, LockError, NotReady, Owner, Pilot,
-    PilotState, Pulse, Stop, StopFlags, StopReason, StopWatch, open_files, prepare,
+    PilotState, Pulse, Stop, StopFlags, StopReason, StopWatch, halt_command, open_files, prepare,
 };
 use crate::recording::{self, End, Info, Options, Pace, RecordError, Recorder, Start};
 
@@ -87,10 +88,15 @@ impl Refused {
     }
 
     /// What to do, where the message does not say it.
+    ///
+    /// - `root`: where the brick is in this machine's files.
     #[must_use]
-    pub fn way_out(&self) -> Option<&'static str> {
-        match self {
-            Self::Lock(LockError::Taken(_)) => Some("wait until it is over, or onbrick halt"),
+    pub fn way_out(&self, root: Option<&Path>) -> Option<Cow<'static, str>> {
+        let way_out = match self {
+            Self::Lock(LockError::Taken(_)) => {
+                let halt = halt_command(root.unwrap_or(Path::new("/")));
+                return Some(format!("wait until it is over, or {halt}").into());
+            }
             Self::Lock(LockError::Io { .. }) => Some(
                 "look at the permissions of the lock file and its folder; no other program needs \
                  the file, so it can be deleted",
@@ -109,13 +115,17 @@ impl Refused {
             }
             Self::NoSimulation => Some("a program that was built with the feature `sim`"),
             _ => None,
-        }
+        };
+        way_out.map(Cow::Borrowed)
     }
 }
 
-impl From<&Refused> for Event {
-    fn from(refused: &Refused) -> Self {
-        Self::Refused { stop: refused.stop(), hint: refused.way_out().map(str::to_owned) }
+impl Event {
+    /// The event of a run that is refused on this brick.
+    #[must_use]
+    pub fn of_refused(refused: &Refused, brick: &Brick) -> Self {
+        let hint = refused.way_out(brick.root()).map(Cow::into_owned);
+        Self::Refused { stop: refused.stop(), hint }
     }
 }
 
@@ -314,8 +324,10 @@ fn hand_on(motor: &LeasedMotor, tree: &Arc<dyn Tree>) -> String {
     let identity = motor.motor().identity();
     let shown = motor.taken_at().map(Aspect::file).unwrap_or_default();
     let turns = match motor.motor().state() {
-        Ok(state) if state.is_running() => "which turns; onbrick halt stops it",
-        _ => "which stands still",
+        Ok(state) if state.is_running() => {
+            format!("which turns; {} stops it", halt_command(tree.root()))
+        }
+        _ => "which stands still".to_owned(),
     };
     let folder = tree.root().join(identity.folder());
     let users = match &open_files::users_of(&folder)[..] {

@@ -22,11 +22,20 @@ use serde::{Deserialize, Serialize};
 use super::open_files;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::document::if_there;
-use crate::printable::{json_line, line};
+use crate::printable::{in_shell, json_line, line};
 
 /// How long to wait for a process that only reads the owner, nanoseconds: some system calls, and on
 /// a busy brick other processes in between. A process that is refused has waited as long.
 const ASKING_NS: i64 = 100 * MILLISECOND_NS;
+
+/// The command that stops what drives the brick below `root`, as hints have it.
+#[must_use]
+pub fn halt_command(root: &Path) -> String {
+    match root == Path::new("/") {
+        true => "onbrick halt".to_owned(),
+        false => format!("onbrick halt --brick {}", in_shell(root)),
+    }
+}
 
 /// Who owns the hardware.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -323,6 +332,12 @@ mod tests {
         assert!(MonotonicClock.wait_for(5 * SECOND_NS, MILLISECOND_NS, &is_free));
         HardwareLock::take(folder.path(), "mission bump").unwrap();
         std::fs::remove_file(lock_path(folder.path())).unwrap();
+    }
+
+    #[test]
+    fn what_stops_another_brick_than_this_machine_names_it() {
+        assert_eq!(halt_command(Path::new("/")), "onbrick halt");
+        assert_eq!(halt_command(Path::new("my b")), "onbrick halt --brick 'my b'");
     }
 
     #[test]

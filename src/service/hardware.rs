@@ -12,6 +12,7 @@
 //! Whether a run is going on: the caller looks, and [`Hardware::let_go`] comes before each run.
 
 use std::f64::consts::PI;
+use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use nix::unistd::getpid;
@@ -24,7 +25,7 @@ use crate::ev3dev::{
 };
 use crate::protocol::{Kind, Live, LiveDevice, Refusal};
 use crate::robot::{LeasedMotor, RobotConfig};
-use crate::runtime::{Brick, HardwareLock, LockError, Owner};
+use crate::runtime::{Brick, HardwareLock, LockError, Owner, halt_command};
 use crate::threads::lock;
 
 /// A jog that is not renewed is over after this, nanoseconds: its lease, and a little for a client
@@ -181,9 +182,11 @@ impl Hardware {
     }
 
     fn take(&self, port: &str, address: &PortAddress, now_ns: i64) -> Result<Jog, Refusal> {
-        let root = self.machine().map(Tree::root);
-        let lock = root.map(|root| HardwareLock::take(root, "turning a motor by hand"));
-        let lock = lock.transpose().map_err(taken)?;
+        let lock = |root: &Path| {
+            let lock = HardwareLock::take(root, "turning a motor by hand");
+            lock.map_err(|error| taken(error, root))
+        };
+        let lock = self.machine().map(Tree::root).map(lock).transpose()?;
         let failed =
             |error: String| Refusal::new(Kind::NotReady, format!("no motor to turn: {error}"));
         let tree = self.tree(now_ns).ok_or_else(|| failed("there is no brick".to_owned()))?;
@@ -217,10 +220,10 @@ impl Hardware {
 }
 
 /// The hardware is taken.
-pub(super) fn taken(error: LockError) -> Refusal {
+pub(super) fn taken(error: LockError, root: &Path) -> Refusal {
     let kind = if matches!(error, LockError::Taken(_)) { Kind::Busy } else { Kind::Failed };
     Refusal::new(kind, crate::printable::with_causes(&error))
-        .hint("wait until it is over, or onbrick halt")
+        .hint(format!("wait until it is over, or {}", halt_command(root)))
 }
 
 fn release(held: &mut Option<Jog>) {

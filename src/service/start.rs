@@ -23,7 +23,7 @@ use crate::protocol::{
 use crate::recording;
 use crate::runtime::{
     HardwareLock, Job, LockError, PATIENCE_NS, RunProcess, StopBy, StopReason, StopRequest,
-    Stopper, end_by_force,
+    Stopper, end_by_force, halt_command,
 };
 use crate::threads::{lock, spawn};
 use crate::units::radians;
@@ -219,7 +219,7 @@ impl Service {
         log::info!("asked to stop {other}");
         let failed = |why: String| {
             Refusal::failed(format!("{other} cannot be stopped{why}"))
-                .hint("onbrick halt on the brick, as root")
+                .hint(format!("{} on the brick, as root", halt_command(tree.root())))
         };
         let _request = StopRequest::make(tree.root(), by);
         match end_by_force(tree.root(), STOP_PATIENCE_NS, |found| found.pid == owner.pid) {
@@ -275,9 +275,9 @@ impl Service {
     fn is_free(&self) -> Result<(), Refusal> {
         let Some(tree) = self.inner.hardware.machine() else { return Ok(()) };
         match HardwareLock::owner(tree.root()) {
-            Ok(Some(owner)) => Err(taken(LockError::Taken(owner))),
+            Ok(Some(owner)) => Err(taken(LockError::Taken(owner), tree.root())),
             Ok(None) => Ok(()),
-            Err(error) => Err(taken(error)),
+            Err(error) => Err(taken(error, tree.root())),
         }
     }
 

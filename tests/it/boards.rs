@@ -421,7 +421,7 @@ fn a_run_without_a_stop_button_is_refused_unless_that_was_said() {
         }
         let refused = played.unwrap_err();
         assert!(matches!(&refused, Refused::NoButton(_)), "{refused}");
-        let way_out = refused.way_out().unwrap();
+        let way_out = refused.way_out(None).unwrap();
         assert!(way_out.contains("[stop_button]") && way_out.contains("--no-button"), "{way_out}");
     }
 }

@@ -181,7 +181,13 @@ fn nothing_and_what_is_not_finite_is_a_picture_too() {
     let far = Track { truth: vec![[0.0, 0.0], [1.7e308, -1.7e308]], ..odd.clone() };
     for tracks in [vec![], vec![odd], vec![far]] {
         let scene = Scene { tracks, ..Scene::default() };
-        assert!(plot::svg(&scene).unwrap().contains("</svg>"));
+        let svg = plot::svg(&scene).unwrap();
+        assert!(svg.contains("</svg>"));
+        let lines = svg.split("<polyline").skip(1).filter_map(|line| line.split_once("points=\""));
+        for (_, line) in lines {
+            let places = line.split_once('"').unwrap().0;
+            assert!(places.matches(',').count() > 1, "no line: {places}");
+        }
         assert!(!plot::png(&scene).unwrap().is_empty());
         assert!(plot::html(&scene).contains("</html>"));
     }

@@ -154,7 +154,15 @@ fn chosen(
             Failure::refused(format!("{host} is no brick that is known")).hint(hint)
         })
     };
-    hosts.iter().map(find).collect()
+    let mut found: Vec<KnownBrick> = Vec::new();
+    for host in hosts {
+        let brick = find(host)?;
+        // One that is named twice is asked once: a second start would be refused as busy.
+        if found.iter().all(|one| one.key != brick.key) {
+            found.push(brick);
+        }
+    }
+    Ok(found)
 }
 
 impl Asking {
@@ -304,6 +312,17 @@ mod tests {
         assert_eq!(all.message, "1 of 2 bricks did not do it");
         // The way out is not lost.
         assert_eq!(all.hint, failed.hint);
+    }
+
+    #[test]
+    fn a_brick_that_is_named_twice_is_asked_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let key = KeyPair::generate().unwrap().public();
+        let brick = KnownBrick { name: "vm".to_owned(), address: "10.0.0.7".to_owned(), key };
+        KnownBricks::load(folder.path()).unwrap().put(&brick, None).unwrap();
+        let known = KnownBricks::load(folder.path()).unwrap();
+        let hosts = ["vm", "10.0.0.7", "vm"].map(str::to_owned);
+        assert_eq!(chosen(&known, &hosts, Unnamed::All).unwrap(), [brick]);
     }
 
     #[test]

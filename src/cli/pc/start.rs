@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::remote::{Bricks, Unnamed, conclude};
-use crate::cli::common::{pose, read_own, setting};
+use crate::cli::common::{pose, read_own};
+use crate::cli::run::setting;
 use crate::cli::{Failure, Output};
 use crate::protocol::{Chosen, MAX_MISSION_BYTES, Started};
 

@@ -21,7 +21,7 @@ pub(in crate::cli) struct Arguments {
 }
 
 /// What stops a brick that does not do what it is asked for.
-const AT_THE_BRICK: &str =
+pub(super) const AT_THE_BRICK: &str =
     "press Enter or Back on the brick, or run `onbrick halt` there, over ssh";
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {

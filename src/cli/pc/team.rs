@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 use super::remote::{Asking, How, PATIENCES_S};
 use super::start;
 use crate::behavior::Capabilities;
-use crate::cli::common::{load_mission, number_within, setting};
+use crate::cli::common::{load_mission, number_within};
 use crate::cli::folder::RunFolder;
+use crate::cli::run::{set_numbers, setting};
 use crate::cli::{Failure, Output};
 use crate::link::Team;
 use crate::protocol::Chosen;
@@ -83,8 +84,8 @@ struct Plan<'p> {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let (team, asking) = arguments.how.team(&arguments.team)?;
     let wanted = match &arguments.mission {
-        Some(mission) => Some(wanted(mission)?),
-        None => wanted_by(&team, &arguments.team)?,
+        Some(mission) => Some(wanted(mission, &arguments.set)?),
+        None => wanted_by(&team, &arguments.team, &arguments.set)?,
     };
     let wanted = wanted.ok_or_else(|| {
         Failure::usage(format!("which mission? {} names none", arguments.team.display()))
@@ -112,28 +113,32 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 /// `onbrick status --team`: the table alone.
 pub(super) fn show(team: &Path, how: &How, output: &mut Output) -> Result<(), Failure> {
     let (read, asking) = how.team(team)?;
-    let wanted = wanted_by(&read, team)?;
+    let wanted = wanted_by(&read, team, &[])?;
     let checked = check::all(&asking, wanted.as_ref());
     check::show(&checked, output);
     check::verdict(&checked, "")
 }
 
 /// The mission that a team's file names; a file's path is below the folder of the team's.
-fn wanted_by(team: &Team, file: &Path) -> Result<Option<Wanted>, Failure> {
+fn wanted_by(team: &Team, file: &Path, set: &[(String, f64)]) -> Result<Option<Wanted>, Failure> {
     let Some(mission) = team.mission.as_ref().map(Path::new) else { return Ok(None) };
     let below = || file.parent().unwrap_or(Path::new("")).join(mission);
-    wanted(&if start::names_a_file(mission) { below() } else { mission.to_owned() }).map(Some)
+    let mission = if start::names_a_file(mission) { below() } else { mission.to_owned() };
+    wanted(&mission, set).map(Some)
 }
 
 /// A mission by name, or a file's text, which must be in order for some robot at least: whether it
-/// is for theirs the bricks say.
-fn wanted(mission: &Path) -> Result<Wanted, Failure> {
+/// is for theirs the bricks say. The numbers that are set must be a file's own; those of a name, a
+/// brick knows.
+fn wanted(mission: &Path, set: &[(String, f64)]) -> Result<Wanted, Failure> {
     let chosen = start::chosen(mission)?;
     let name = match &chosen {
         Chosen::Name(name) => name.clone(),
         Chosen::Text(text) => {
             let source = Source { name: mission.display().to_string(), text: text.clone() };
-            load_mission(&source, &Capabilities::all())?.0.name().to_owned()
+            let (mut mission, _) = load_mission(&source, &Capabilities::all())?;
+            set_numbers(&mut mission, set)?;
+            mission.name().to_owned()
         }
     };
     Ok(Wanted { chosen, name })

@@ -2,7 +2,7 @@
 
 use crate::ev3dev::{Battery, Buttons, DeviceError, Inventory, Sound, StatusLights};
 use crate::robot::{BatteryConfig, BatteryLimits, StopButton, stop_button_answers};
-use crate::runtime::{HardwareLock, LockError};
+use crate::runtime::{HardwareLock, LockError, halt_command};
 use crate::units::counted;
 
 use super::{Examination, Report, with_causes};
@@ -43,7 +43,8 @@ pub(super) fn lock(examination: &mut Examination<'_>, report: &mut Report<'_>) {
             report.ok("no other program drives");
         }
         Err(error @ LockError::Taken(_)) => {
-            report.fail(error.to_string(), "wait until it is done, or onbrick halt");
+            let to_do = format!("wait until it is done, or {}", halt_command(root));
+            report.fail(error.to_string(), &to_do);
         }
         Err(error) => {
             report

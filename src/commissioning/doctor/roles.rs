@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{DeviceError, TachoMotor, Tree};
 use crate::robot::{MotorRole, PLUG_AGAIN, PLUG_IN, RobotConfig, RoleSensor, WantedMotor, equip};
-use crate::runtime::GYRO_STILL_RAD;
+use crate::runtime::{GYRO_STILL_RAD, halt_command};
 use crate::senses::{Role, Unit};
 use crate::units::degrees;
 
@@ -72,7 +72,8 @@ fn examine_motor(tree: &Arc<dyn Tree>, wanted: &MotorRole, report: &mut Report<'
         }
     };
     if state.is_driven() {
-        report.fail(format!("{what} is running"), "another program drives it: onbrick halt");
+        let to_do = format!("another program drives it: {}", halt_command(tree.root()));
+        report.fail(format!("{what} is running"), &to_do);
     } else if !commands.contains("run-timed") {
         report.fail(
             format!("{what} has no run-timed"),

@@ -74,7 +74,8 @@ pub fn control(
     };
     let ended = environment(&job)
         .and_then(|environment| execute(&job, environment, &flags, &mut heartbeat, report));
-    pipe.send(&ended.map_or_else(|refused| Event::from(&refused), Event::Ended));
+    let refused = |refused| Event::of_refused(&refused, &job.brick);
+    pipe.send(&ended.map_or_else(refused, Event::Ended));
     if job.lock == Lock::Inherited {
         end_hung_guard(&flags, guard);
     }

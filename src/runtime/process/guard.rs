@@ -69,7 +69,7 @@ pub fn guard() -> Result<(), ProcessError> {
     let mut lock = match HardwareLock::take(tree.root(), "a run that is being prepared") {
         Ok(lock) => lock,
         Err(error) => {
-            starter.tell(&Event::from(&Refused::from(error)));
+            starter.tell(&Event::of_refused(&Refused::from(error), &job.brick));
             starter.finish();
             return Ok(());
         }

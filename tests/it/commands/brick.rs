@@ -536,8 +536,9 @@ fn promise_9_a_foreign_command_is_said_with_the_motor_and_the_program_and_the_wa
                 .unwrap();
             let (brick, said, _) = running.finish();
             let expected = format!(
-                "left wheel: outB (speed_sp), which turns; onbrick halt stops it; its files are \
-                 open in sleep (process {})",
+                "left wheel: outB (speed_sp), which turns; onbrick halt --brick {} stops it; its \
+                 files are open in sleep (process {})",
+                brick.root().display(),
                 other.id()
             );
             other.kill().unwrap();
@@ -706,11 +707,8 @@ fn promise_10_a_second_run_is_refused_with_the_first_ones_name_and_halt_stops_th
             let folder = tempfile::tempdir().unwrap();
             let refused = run(folder.path(), &["run", "map", "--brick", &root]).expect(3);
             let owner = format!("mission straight (process {})", running.control());
-            assert!(
-                refused.err.contains(&owner) && refused.err.contains("onbrick halt"),
-                "{}",
-                refused.err
-            );
+            let halt = format!("wait until it is over, or onbrick halt --brick {root}\n");
+            assert!(refused.err.contains(&owner) && refused.err.contains(&halt), "{}", refused.err);
             assert!(!running.brick.is_still(), "the first one drives on");
 
             let [halted] = run(folder.path(), &["halt", "--brick", &root, "--json"])

@@ -429,7 +429,8 @@ fn several_recordings_are_replayed_one_after_the_other() {
     let said = run(folder.path(), &["replay", "bad.mcap", "right.mcap"]);
     assert!(matches!(said.code, Some(1 | 3)), "{said:?}");
     assert!(
-        said.out.contains("right.mcap: ") && said.err.contains("1 of 2 recordings"),
+        said.out.contains("right.mcap: ")
+            && said.err.contains("1 of 2 recordings could not be replayed"),
         "{said:?}"
     );
     assert!(said.err.starts_with("error: cannot use bad.mcap: "), "said once: {}", said.err);

@@ -164,6 +164,22 @@ fn a_reader_that_goes_away_is_no_failure() {
 }
 
 #[test]
+fn output_that_a_full_disk_does_not_take_is_a_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [
+        &["--help"][..],
+        &["new", "mission"],
+        &["graph", "map", "--json"],
+        &["explain", "missions"],
+    ] {
+        let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+        let output = onbrick(folder.path(), arguments).stdout(full).output().unwrap();
+        let said = super::done(&output).expect(1).err;
+        assert!(said.starts_with("error: cannot write the output: No space"), "{said}");
+    }
+}
+
+#[test]
 fn control_without_a_job_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let said = run(folder.path(), &["control"]).expect(2);

@@ -433,6 +433,30 @@ fn ctrl_c_stops_every_brick_and_brings_home_what_they_have() {
 }
 
 #[test]
+fn a_brick_that_ctrl_c_does_not_reach_is_said_to_be_driving_with_the_way_out() {
+    let _machine = beside_others();
+    in_real_time("Ctrl-C without one of the bricks", |pace| {
+        let mut team = Bricks::watched("two-arenas", &["blue", "red"], pace);
+        team.write("map", &APART);
+        let mut child = team.start(&["team", "team.toml", "--timeout", "1"]);
+        until("something of red's has come, or all is over", || {
+            (team.part_of("red") > 10_000 || child.try_wait().unwrap().is_some()).then_some(())
+        });
+        team.bricks.iter_mut().find(|brick| brick.name == "red").unwrap().kill();
+        interrupt(&child);
+        let output = child.wait_with_output().unwrap();
+        // A shell hears of Ctrl-C.
+        pace.same("exit code", &output.status.code(), &None);
+        let said = team.said(&output, output.status.code());
+        let red = said.lines().find(|line| line.starts_with("red: ")).unwrap();
+        let is_said = red.contains("it was not stopped, and may still be driving");
+        pace.ensure(is_said, || said.clone());
+        let way_out = "try: press Enter or Back on the brick, or run `onbrick halt` there";
+        pace.ensure(said.contains(way_out) && said.contains("onbrick fetch red"), || said.clone());
+    });
+}
+
+#[test]
 fn a_teams_file_with_mistakes_is_refused_with_their_places_and_its_bricks_are_meant_by_it() {
     let team = Bricks::in_world("arena", &["blue"]);
     team.write("map", &[("blue", 0.0, 0.0, 0.0), ("bleu", 1.0, 0.0, 0.0)]);
@@ -445,6 +469,11 @@ fn a_teams_file_with_mistakes_is_refused_with_their_places_and_its_bricks_are_me
             .contains("blue: nothing was running")
     );
     team.said(&team.pc(&["stop", "blue", "--team", "team.toml"]), 2);
+    // A number that a file's mission does not have is refused before a brick is asked.
+    std::fs::write(team.path("short.toml"), SHORT).unwrap();
+    let foreign = ["team", "team.toml", "./short.toml", "--set", "foo=1"];
+    let said = team.said(&team.pc(&foreign), 2);
+    assert!(said.contains("no number `foo`") && !said.contains("ready"), "{said}");
     // The map of an earlier run stays.
     std::fs::create_dir(team.path("monday")).unwrap();
     std::fs::write(team.path("monday/team.mcap"), "earlier").unwrap();

@@ -205,7 +205,7 @@ fn a_taken_lock_says_who_has_it_and_no_mode_is_written_then() {
     bench.simulation.record_writes(true);
     let diagnosis = look(&bench, |around| around.root = Some(root.path().to_owned()));
     let taken = line(&diagnosis, "lock", Verdict::Failed);
-    assert!(taken.contains("mission map") && taken.contains("onbrick halt"), "{taken}");
+    assert!(taken.contains("mission map") && taken.contains("onbrick halt --brick /"), "{taken}");
     assert!(
         line(&diagnosis, "range", Verdict::Failed).contains("another program has it"),
         "{}",

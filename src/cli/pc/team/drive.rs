@@ -39,6 +39,8 @@ pub(super) struct Came {
     pub(super) failure: Option<Failure>,
     /// The brick did not take the start.
     pub(super) refused: bool,
+    /// It was not told to stop though all were to: it may still be driving.
+    pub(super) adrift: bool,
 }
 
 /// Who wants it to end.
@@ -94,8 +96,26 @@ pub(super) fn all(plan: &Plan<'_>, output: &mut Output) -> Result<Vec<Came>, Fai
         }
         shown.finish();
         let lost = |_| Failure::failed("the thread that followed a brick has died");
-        threads.into_iter().map(|thread| thread.join().map_err(lost)).collect()
+        let came = threads.into_iter().map(|thread| thread.join().map_err(lost));
+        let mut came = came.collect::<Result<Vec<Came>, Failure>>()?;
+        let are_to_stop = halt.stop.load(Ordering::Relaxed);
+        came.iter_mut().for_each(|one| one.note_stop(are_to_stop));
+        Ok(came)
     })
+}
+
+impl Came {
+    /// Says where a brick was not told to stop though all were to: also one that was given up
+    /// before that.
+    fn note_stop(&mut self, are_to_stop: bool) {
+        self.adrift &= are_to_stop;
+        match &mut self.failure {
+            Some(failure) if self.adrift => {
+                failure.message.push_str("; it was not stopped, and may still be driving");
+            }
+            _ => self.adrift = false,
+        }
+    }
 }
 
 impl Share<'_> {
@@ -111,6 +131,7 @@ impl Share<'_> {
             began: None,
             failure: None,
             refused: false,
+            adrift: false,
         };
         match self.start() {
             Ok(()) => came.began = Some(Began { at_ns: wall_ns(), within_ns: i64::MAX }),
@@ -124,13 +145,16 @@ impl Share<'_> {
                 return came;
             }
         }
+        came.adrift = true;
         // Who only looks says soon that a brick does not answer; who fetches does not give it up so
         // soon.
         let asking = plan.asking.until(&halt.stop, 0.0);
         let following = plan.asking.until(&halt.stop, plan.lost_s);
         let brought = std::thread::scope(|scope| {
             scope.spawn(|| self.watch.look(&asking, brick));
-            let brought = following.client(brick).and_then(|mut client| self.bring(&mut client));
+            let brought = following
+                .client(brick)
+                .and_then(|mut client| self.bring(&mut client, &mut came.adrift));
             self.watch.end();
             brought
         });
@@ -151,8 +175,8 @@ impl Share<'_> {
     }
 
     /// Follows the recording to its end; where all are to stop, stops the run and brings home what
-    /// there is.
-    fn bring(&self, client: &mut Client) -> Result<(), ClientError> {
+    /// there is. `adrift` is false once the brick has taken the stop.
+    fn bring(&self, client: &mut Client, adrift: &mut bool) -> Result<(), ClientError> {
         let (run, file) = (&self.watch.run, self.file());
         let fetched = client.fetch(run, &file, &mut |_| {});
         if !matches!(fetched, Err(ClientError::Interrupted)) {
@@ -160,7 +184,7 @@ impl Share<'_> {
         }
         let mut client = self.last()?;
         match client.stop(Some(run)) {
-            Ok(stopped) if stopped.stopped => {}
+            Ok(stopped) if stopped.stopped => *adrift = false,
             Ok(_) => log::warn!("{}: not every motor was told to stop", self.member.brick.name),
             Err(ClientError::Refused(refusal)) if refusal.kind != Kind::UnknownRun => {
                 log::warn!("{}: {refusal}", self.member.brick.name);
@@ -196,7 +220,7 @@ impl Share<'_> {
                     .end
                     .as_ref()
                     .map_or_else(|| "it was not started".to_owned(), LastStop::to_string);
-                came.failure = Some(Failure::failed(why));
+                (came.failure, came.adrift) = (Some(Failure::failed(why)), false);
             }
             Err(error) => {
                 came.file = there(part_of(&self.file()));

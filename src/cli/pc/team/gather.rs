@@ -5,11 +5,13 @@ use std::path::Path;
 use serde_json::json;
 
 use super::super::scene::{draw, of_all, scene_of};
+use super::super::stop::AT_THE_BRICK;
 use super::Plan;
 use super::drive::Came;
 use crate::cli::common::{LoadedRun, open_run, read_file, write_file};
 use crate::cli::{Context, Exit, Failure, Output};
 use crate::clock::{SECOND_NS, seconds};
+use crate::printable::in_shell;
 use crate::recording::Info;
 use crate::report::Scene;
 use crate::report::export::{self, NamedRecording};
@@ -76,16 +78,19 @@ pub(super) fn verdict(came: &[Came], out: &Path, output: &mut Output) -> Result<
         .iter()
         .find(|one| one.failure.as_ref().is_some_and(|failure| failure.exit == Exit::NoAnswer));
     let failure = Failure::new(exit, message);
-    Err(match lost {
-        Some(one) => failure.hint(format!(
+    let fetch = lost.map(|one| {
+        format!(
             "onbrick fetch {} --run {} -o {}, once the brick is back: it resumes where it was \
              cut",
             one.brick.name,
             one.run,
-            out.display()
-        )),
-        None => failure,
-    })
+            in_shell(out)
+        )
+    });
+    let is_adrift = bad.iter().any(|one| one.adrift);
+    let ways = is_adrift.then(|| AT_THE_BRICK.to_owned()).into_iter().chain(fetch);
+    let ways = ways.collect::<Vec<_>>().join("; ");
+    Err(if ways.is_empty() { failure } else { failure.hint(ways) })
 }
 
 /// Draws all maps in one picture and writes all recordings as one, on one clock.
