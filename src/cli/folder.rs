@@ -11,6 +11,10 @@ const RECORDING: &str = "run.mcap";
 #[cfg(feature = "host")]
 pub(super) const DRAWN: [&str; 4] = ["map.svg", "map.png", "points.csv", "path.csv"];
 
+/// A map as ROS's map server reads it.
+#[cfg(feature = "host")]
+pub(super) const GRID: [&str; 2] = ["map.pgm", "map.yaml"];
+
 /// A recording's own folder.
 pub(super) struct RunFolder {
     pub(super) path: PathBuf,
@@ -41,7 +45,8 @@ impl RunFolder {
     /// `onbrick-team-2` and so on.
     #[cfg(feature = "host")]
     pub(super) fn of_team(out: Option<&Path>) -> Result<Self, Failure> {
-        Self::make(out, "team.mcap", &DRAWN, |number| first_plain("onbrick-team", number))
+        let more = [DRAWN.as_slice(), &GRID].concat();
+        Self::make(out, "team.mcap", &more, |number| first_plain("onbrick-team", number))
     }
 
     /// Creates the folder if missing; refuses one whose path is not UTF-8, and one in which

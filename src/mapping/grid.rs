@@ -203,12 +203,12 @@ impl OccupancyGrid {
     }
 
     /// Makes the cells occupied in which something stands, whatever went through them, and those
-    /// free where the robot was, though nothing was heard there.
+    /// free, for certain, where the robot was, though nothing was heard there.
     pub(super) fn stand(&mut self, standing: &Standing) {
         for (log_odds, cell) in self.cells.iter_mut().zip(standing.cells()) {
             *log_odds = match cell {
                 Cell::Occupied => (*log_odds).max(OCCUPIED_FROM),
-                Cell::Free => (*log_odds).min(FREE_FROM),
+                Cell::Free => -LIMIT,
                 Cell::Unknown => *log_odds,
             };
         }

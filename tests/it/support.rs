@@ -11,6 +11,7 @@ pub mod brick;
 pub mod browser;
 pub mod chance;
 pub mod devtools;
+pub mod exported;
 pub mod faulty;
 pub mod memory;
 pub mod memory_group;

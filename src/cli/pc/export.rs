@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::plot::nothing;
 use super::scene::scene_of;
 use crate::cli::common::{LoadedRun, make_folder, may_write, open_runs, write_file};
+use crate::cli::folder::GRID;
 use crate::cli::{Exit, Failure, Output};
 use crate::printable::with_causes;
 use crate::recording::Grid;
@@ -69,15 +70,15 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
                 .hint("--format csv, which has the path"));
         }
         Format::Ply => vec![("points.ply", export::ply(&tracks).into_bytes())],
-        Format::Pgm => {
-            let grid = grid(&runs, &tracks)?;
-            vec![
-                ("map.pgm", export::pgm(&grid)),
-                ("map.yaml", export::nav2_yaml(&grid, "map.pgm").into_bytes()),
-            ]
-        }
+        Format::Pgm => grid_files(&grid(&runs, &tracks)?),
     };
     write_all(&arguments.out, files, output)
+}
+
+/// A grid as the files that ROS's map server reads.
+pub(super) fn grid_files(grid: &Grid) -> Vec<(&'static str, Vec<u8>)> {
+    let [image, yaml] = GRID;
+    vec![(image, export::pgm(grid)), (yaml, export::nav2_yaml(grid, image).into_bytes())]
 }
 
 fn write_all(
@@ -110,7 +111,7 @@ fn timelines(runs: &[LoadedRun], tracks: &[Track]) -> Vec<Timeline> {
 
 /// The occupancy grid: that of one run as it was recorded, or where that does not have all, made
 /// again from its senses, as that of several is.
-fn grid(runs: &[LoadedRun], tracks: &[Track]) -> Result<Grid, Failure> {
+pub(super) fn grid(runs: &[LoadedRun], tracks: &[Track]) -> Result<Grid, Failure> {
     let cannot = |name: &str, error: &ReplayError| {
         Failure::from_error(Exit::Failed, &format!("cannot replay {name}"), error)
     };

@@ -43,8 +43,8 @@ pub(in crate::cli) struct Arguments {
     /// The mission, if not the file's: one that every brick has, or a file of yours (a path with a
     /// / or the ending .toml).
     mission: Option<PathBuf>,
-    /// The folder for the recordings, map.svg, map.png, points.csv, path.csv and team.mcap; without
-    /// it onbrick-team, or the next free one, onbrick-team-2.
+    /// The folder for the recordings, map.svg, map.png, map.pgm, map.yaml, points.csv, path.csv and
+    /// team.mcap; without it onbrick-team, or the next free one, onbrick-team-2.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Give one of the mission's own numbers, or its time_limit_s, another value; can be repeated.

@@ -117,19 +117,73 @@ fn drives(name: &str, world: &str, arguments: &[&str], check: impl Fn(&Pace, &Tr
     });
 }
 
-/// A crate that depends on this one by path, with these features, and what it prints when it runs.
-fn outside(folder: &Path, name: &str, features: &str, main: &str) -> String {
+/// What crates outside the repository are made of: their names, their programs, and what these say.
+const OUTSIDE: [(&str, &str, &str); 3] = [
+    (
+        "bindings",
+        r#"use std::sync::Arc;
+use onbrick::ev3dev::{LocalTree, TachoMotor, Tree};
+fn main() {
+    let brick: Arc<dyn Tree> = Arc::new(LocalTree::new("/nowhere"));
+    println!("{}", TachoMotor::at(&brick, &"outB".parse().unwrap()).is_err());
+}
+"#,
+        // There is no motor.
+        "true\n",
+    ),
+    (
+        "estimator",
+        r#"use onbrick::mapping::{Estimator, EstimatorConfig, Geometry, Inputs, Method, Pose};
+fn main() {
+    let config =
+        EstimatorConfig { geometry: Geometry::new(0.189, 0.114).unwrap(), method: Method::Default };
+    let mut estimator = Estimator::new(config, Pose::default());
+    for (time_ns, rad) in [(0, 0.0), (20_000_000, 0.1)] {
+        let inputs =
+            Inputs { time_ns, left_rad: Some(rad), right_rad: Some(rad), ..Inputs::default() };
+        println!("{:.6}", estimator.update(&inputs).pose.x_m);
+    }
+}
+"#,
+        // A tenth of a radian of a wheel of 0.189 m.
+        "0.000000\n0.003008\n",
+    ),
+    (
+        "linked",
+        r#"fn main() {
+    println!("{}", onbrick::sim::World::names().any(|name| name == "arena"));
+    // Without libzmq's CURVE there is no key.
+    println!("{}", onbrick::link::KeyPair::generate().unwrap().public().to_string().len());
+}
+"#,
+        "true\n40\n",
+    ),
+];
+
+/// One package with all of the programs, and with the features that they need together: that the
+/// library compiles with fewer, `.ci/run` checks; with all, `brick-image/release.sh` builds it of
+/// the crate as it is packaged, as a static program, for which the linker is told another order of
+/// libraries.
+#[test]
+fn crates_outside_the_repository_compile_and_run() {
+    if Command::new("cargo").arg("--version").output().is_err() {
+        return pass_over("cargo, for crates outside the repository");
+    }
+    let folder = tempfile::tempdir().unwrap();
     let repository = env!("CARGO_MANIFEST_DIR");
-    let place = folder.join(name);
-    std::fs::create_dir_all(place.join("src")).unwrap();
     let manifest = format!(
-        "[package]\nname = \"{name}\"\nversion = \"0.1.0\"\nedition = \"2024\"\n[workspace]\n\
-         [dependencies]\nonbrick = {{ path = \"{repository}\"{features} }}\n"
+        "[package]\nname = \"outside\"\nversion = \"0.1.0\"\nedition = \"2024\"\n[workspace]\n\
+         [dependencies.onbrick]\npath = \"{repository}\"\ndefault-features = false\n\
+         features = [\"link\", \"sim\"]\n"
     );
-    std::fs::write(place.join("Cargo.toml"), manifest).unwrap();
+    std::fs::write(folder.path().join("Cargo.toml"), manifest).unwrap();
     // The same versions as here, which are downloaded already.
-    std::fs::copy(Path::new(repository).join("Cargo.lock"), place.join("Cargo.lock")).unwrap();
-    std::fs::write(place.join("src/main.rs"), main).unwrap();
+    std::fs::copy(Path::new(repository).join("Cargo.lock"), folder.path().join("Cargo.lock"))
+        .unwrap();
+    std::fs::create_dir_all(folder.path().join("src/bin")).unwrap();
+    for (name, program, _) in OUTSIDE {
+        std::fs::write(folder.path().join(format!("src/bin/{name}.rs")), program).unwrap();
+    }
     let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("outside");
     let mut cargo = Command::new("cargo");
     for (key, _) in
@@ -138,51 +192,19 @@ fn outside(folder: &Path, name: &str, features: &str, main: &str) -> String {
         cargo.env_remove(key);
     }
     // The check is that it compiles; it need not be fast or have line numbers.
-    let output = cargo
-        .args(["run", "--quiet", "--offline"])
-        .current_dir(&place)
-        .env("CARGO_TARGET_DIR", target)
+    let built = cargo
+        .args(["build", "--quiet", "--offline"])
+        .current_dir(folder.path())
+        .env("CARGO_TARGET_DIR", &target)
         .env("CARGO_PROFILE_DEV_DEBUG", "0")
         .env("CARGO_PROFILE_DEV_OPT_LEVEL", "0")
         .env_remove("RUSTFLAGS")
         .output()
         .unwrap();
-    let said = done(&output);
-    assert_eq!(said.code, Some(0), "{name}: {}", said.err);
-    said.out
-}
-
-#[test]
-fn crates_outside_the_repository_compile_and_run() {
-    if Command::new("cargo").arg("--version").output().is_err() {
-        return pass_over("cargo, for crates outside the repository");
+    let built = done(&built);
+    assert_eq!(built.code, Some(0), "{}", built.err);
+    for (name, _, expected) in OUTSIDE {
+        let said = done(&Command::new(target.join("debug").join(name)).output().unwrap());
+        assert_eq!((said.code, said.out.as_str()), (Some(0), expected), "{name}: {}", said.err);
     }
-    let folder = tempfile::tempdir().unwrap();
-    let bindings = "use std::sync::Arc;\n\
-        use onbrick::ev3dev::{LocalTree, TachoMotor, Tree};\n\
-        fn main() {\n    let brick: Arc<dyn Tree> = Arc::new(LocalTree::new(\"/nowhere\"));\n\
-        \x20   println!(\"{}\", TachoMotor::at(&brick, &\"outB\".parse().unwrap()).is_err());\n}\n";
-    let printed = outside(folder.path(), "bindings", ", default-features = false", bindings);
-    assert_eq!(printed, "true\n", "there is no motor");
-    let bare = "use onbrick::mapping::{Estimator, EstimatorConfig, Geometry, Inputs, Method, \
-        Pose};\n\
-        fn main() {\n    let geometry = Geometry::new(0.189, 0.114).unwrap();\n\
-        \x20   let mut estimator = Estimator::new(EstimatorConfig { geometry, method: \
-        Method::Default }, Pose::default());\n\
-        \x20   for (time_ns, rad) in [(0, 0.0), (20_000_000, 0.1)] {\n\
-        \x20       let inputs = Inputs { time_ns, left_rad: Some(rad), right_rad: Some(rad), \
-        ..Inputs::default() };\n\
-        \x20       println!(\"{:.6}\", estimator.update(&inputs).pose.x_m);\n    }\n}\n";
-    let tick = ", default-features = false, features = [\"tick\"]";
-    let printed = outside(folder.path(), "tick", tick, bare);
-    assert_eq!(printed, "0.000000\n0.003008\n", "a tenth of a radian of a wheel of 0.189 m");
-    let linking = "fn main() {\n    let names: Vec<&str> = \
-        onbrick::sim::World::names().collect();\n    println!(\"{}\", names.join(\" \"));\n\
-        \x20   // Without libzmq's CURVE there is no key.\n\
-        \x20   println!(\"key {}\", onbrick::link::KeyPair::generate().unwrap().public());\n}\n";
-    // All features are built by `release.sh`, of the crate as it is packaged: a static program, for
-    // which the linker is told another order of libraries.
-    let linked = ", default-features = false, features = [\"link\", \"sim\"]";
-    let printed = outside(folder.path(), "linked", linked, linking);
-    assert!(printed.contains("arena") && printed.contains("\nkey "), "{printed}");
 }

@@ -3,7 +3,9 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::time::Duration;
 
+use nix::sys::signal::Signal;
 use onbrick::link::keys::Authorised;
 use onbrick::link::{KeyPair, KnownBrick, KnownBricks};
 use onbrick::mapping::stats::quantile;
@@ -15,6 +17,7 @@ use super::bench::{Service, onbrick, text, until};
 use super::commands::SHORT;
 use crate::recording::decoder::python;
 use crate::support::brick::shipped_brick;
+use crate::support::exported::exported_grid;
 use crate::support::real_time::{Pace, beside_others, in_real_time};
 
 mod figures;
@@ -139,9 +142,13 @@ pub(super) fn all_drove(team: &Bricks, lines: &[Value], names: &[&str], pace: &P
 
 /// Sends a process Ctrl-C.
 fn interrupt(child: &Child) {
+    send(child, Signal::SIGINT);
+}
+
+fn send(child: &Child, signal: Signal) {
     let pid = nix::unistd::Pid::from_raw(i32::try_from(child.id()).unwrap());
     // One that is over already hears nothing.
-    let _ = nix::sys::signal::kill(pid, nix::sys::signal::Signal::SIGINT);
+    let _ = nix::sys::signal::kill(pid, signal);
 }
 
 const APART: [(&str, f64, f64, f64); 2] = [("blue", 0.0, 0.0, 0.0), ("red", 3.0, 0.0, 90.0)];
@@ -219,8 +226,12 @@ fn is_one_map(team: &Bricks, pace: &Pace) {
     }
     let png = team.read("map.png");
     assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
+    let cell = exported_grid(&team.path("onbrick-team"));
+    for (name, x_m, y_m, _) in APART {
+        assert_eq!(cell(x_m, y_m), Some(254), "{name} stood there, so it is free");
+    }
     if let Some(keep) = std::env::var_os("ONBRICK_TEAM_OUT") {
-        for file in ["map.svg", "map.png", "points.csv", "path.csv", "team.mcap"] {
+        for file in ["map.pgm", "map.svg", "map.png", "points.csv", "path.csv", "team.mcap"] {
             std::fs::create_dir_all(&keep).unwrap();
             std::fs::write(Path::new(&keep).join(file), team.read(file)).unwrap();
         }
@@ -453,6 +464,39 @@ fn a_brick_that_ctrl_c_does_not_reach_is_said_to_be_driving_with_the_way_out() {
         pace.ensure(is_said, || said.clone());
         let way_out = "try: press Enter or Back on the brick, or run `onbrick halt` there";
         pace.ensure(said.contains(way_out) && said.contains("onbrick fetch red"), || said.clone());
+    });
+}
+
+#[test]
+fn a_brick_that_was_given_up_and_is_in_reach_again_is_stopped_with_the_others() {
+    let _machine = beside_others();
+    in_real_time("Ctrl-C after one of the bricks was given up", |pace| {
+        let team = Bricks::watched("two-arenas", &["blue", "red"], pace);
+        team.write("map", &APART);
+        let team_command = ["--json", "team", "team.toml", "--lost", "2", "--timeout", "1"];
+        let mut child = team.start(&team_command);
+        until("something of red's has come, or all is over", || {
+            (team.part_of("red") > 10_000 || child.try_wait().unwrap().is_some()).then_some(())
+        });
+        // The service alone is away, as a network would be: the robot drives on.
+        send(team.brick("red").process(), Signal::SIGSTOP);
+        std::thread::sleep(Duration::from_secs(6));
+        send(team.brick("red").process(), Signal::SIGCONT);
+        std::thread::sleep(Duration::from_secs(1));
+        let before = team.last("red");
+        pace.ensure(before.contains("started by"), || format!("it drives on: {before}"));
+        interrupt(&child);
+        let output = child.wait_with_output().unwrap();
+        pace.same("exit code", &output.status.code(), &None);
+        let lines = team.lines(&output, output.status.code());
+        if !all_drove(&team, &lines, &["blue", "red"], pace) {
+            return;
+        }
+        let red = team.came(&lines, "red");
+        let error = red["error"].as_str().unwrap_or_default();
+        pace.ensure(error.contains("no answer"), || format!("it was not given up: {red}"));
+        let after = team.last("red");
+        assert!(!error.contains("not stopped") && !after.contains("started by"), "{red}: {after}");
     });
 }
 

@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use super::super::remote::failure;
 use super::super::watch::{Began, Watch};
@@ -50,6 +50,8 @@ struct Halt {
     stop: Arc<AtomicBool>,
     /// Raised at the second Ctrl-C: stop waiting for that, too.
     enough: Arc<AtomicBool>,
+    /// How many bricks are still followed.
+    followed: AtomicUsize,
 }
 
 impl Halt {
@@ -75,7 +77,8 @@ struct Share<'p> {
 
 /// Starts all, follows them to their ends, and says what came of each, in the order of the file.
 pub(super) fn all(plan: &Plan<'_>, output: &mut Output) -> Result<Vec<Came>, Failure> {
-    let halt = &Halt::default();
+    let followed = AtomicUsize::new(plan.team.members.len());
+    let halt = &Halt { followed, ..Halt::default() };
     // The bricks' recordings come to lie in one folder.
     let id =
         |member: &Member| new_run_id(&format!("{:.9}-{}", plan.wanted.name, member.brick.name));
@@ -120,6 +123,15 @@ impl Came {
 
 impl Share<'_> {
     fn play(&self) -> Came {
+        let mut came = self.follow();
+        self.halt.followed.fetch_sub(1, Ordering::Relaxed);
+        if came.adrift && came.failure.is_some() {
+            self.stop_with_the_others(&mut came);
+        }
+        came
+    }
+
+    fn follow(&self) -> Came {
         let Self { plan, halt, member, .. } = self;
         let brick = &member.brick;
         let mut came = Came {
@@ -174,6 +186,19 @@ impl Share<'_> {
         self.plan.out.join(format!("{}.mcap", self.watch.run))
     }
 
+    /// A brick that was given up may be in reach again by the time that all are to stop.
+    fn stop_with_the_others(&self, came: &mut Came) {
+        let Self { halt, .. } = self;
+        let was_told = halt.stop.load(Ordering::Relaxed);
+        while !halt.stop.load(Ordering::Relaxed) && halt.followed.load(Ordering::Relaxed) > 0 {
+            MonotonicClock.sleep_ns(LOOK_NS);
+        }
+        if !was_told && halt.stop.load(Ordering::Relaxed) {
+            // That it was given up has been said; a stop that does not reach it is said at the end.
+            let _ = self.last().and_then(|mut client| self.stop(&mut client, &mut came.adrift));
+        }
+    }
+
     /// Follows the recording to its end; where all are to stop, stops the run and brings home what
     /// there is. `adrift` is false once the brick has taken the stop.
     fn bring(&self, client: &mut Client, adrift: &mut bool) -> Result<(), ClientError> {
@@ -183,7 +208,12 @@ impl Share<'_> {
             return fetched.map(|_| ());
         }
         let mut client = self.last()?;
-        match client.stop(Some(run)) {
+        self.stop(&mut client, adrift)?;
+        client.fetch(run, &file, &mut |_| {}).map(|_| ())
+    }
+
+    fn stop(&self, client: &mut Client, adrift: &mut bool) -> Result<(), ClientError> {
+        match client.stop(Some(&self.watch.run)) {
             Ok(stopped) if stopped.stopped => *adrift = false,
             Ok(_) => log::warn!("{}: not every motor was told to stop", self.member.brick.name),
             Err(ClientError::Refused(refusal)) if refusal.kind != Kind::UnknownRun => {
@@ -191,7 +221,7 @@ impl Share<'_> {
             }
             Err(error) => return Err(error),
         }
-        client.fetch(run, &file, &mut |_| {}).map(|_| ())
+        Ok(())
     }
 
     /// A client for the end, which only a second Ctrl-C interrupts.

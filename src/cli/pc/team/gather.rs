@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 
+use super::super::export::{grid, grid_files};
 use super::super::scene::{draw, of_all, scene_of};
 use super::super::stop::AT_THE_BRICK;
 use super::Plan;
@@ -103,11 +104,23 @@ pub(super) fn merge(plan: &Plan<'_>, came: &[Came], output: &mut Output) -> Resu
     let scene = scene(plan, &ones, &runs);
     draw(plan.out, &scene)?;
     write_file(&plan.out.join("team.mcap"), &merged(&ones, &runs, output)?)?;
+    let with_grid = match grid(&runs, &scene.tracks) {
+        Ok(grid) => {
+            for (name, bytes) in grid_files(&grid) {
+                write_file(&plan.out.join(name), &bytes)?;
+            }
+            "map.pgm, map.yaml, "
+        }
+        Err(failure) => {
+            log::warn!("there is no map.pgm: {}", failure.message);
+            ""
+        }
+    };
     let points: usize = scene.tracks.iter().map(|track| track.points.len()).sum();
     let (count, out) = (runs.len(), plan.out.display());
     output.show(
         format!(
-            "{}, {}: map.svg, map.png, points.csv, path.csv and team.mcap in {out}",
+            "{}, {}: map.svg, map.png, {with_grid}points.csv, path.csv and team.mcap in {out}",
             counted(count, "brick"),
             of_all(points, &runs)
         ),
