@@ -21,8 +21,9 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let answers = asking.ask(|client, _| client.missions());
     conclude(answers, output, |output, brick, missions| {
         for mission in &missions.missions {
+            // One that is not in order has none; the columns stay.
             let limit =
-                mission.time_limit_s.map(|limit| format!("  {limit:.0} s")).unwrap_or_default();
+                mission.time_limit_s.map_or("-".to_owned(), |limit| format!("{limit:.0} s"));
             let short = mission.sha256.get(..8).unwrap_or_default();
             let findings = match &mission.findings {
                 Some(text) if log::log_enabled!(log::Level::Info) => {
@@ -31,7 +32,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
                 Some(_) => "  not in order: -v says why".to_owned(),
                 None => String::new(),
             };
-            output.line(format!("{}  {}{limit}  {short}{findings}", brick.name, mission.name));
+            output.line(format!("{}  {}  {limit}  {short}{findings}", brick.name, mission.name));
         }
         output.value(&serde_json::json!({ "brick": brick.name, "missions": missions.missions }));
     })

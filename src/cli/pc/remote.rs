@@ -241,9 +241,11 @@ pub(super) fn conclude<T>(
     Err(Failure { hint, ..Failure::new(exit, message) })
 }
 
-/// A brick's failure that is shown by itself: with the brick's name.
+/// A brick's failure that is shown by itself: with the brick's name. Findings call themselves
+/// errors, as the whole is called when it is shown.
 pub(super) fn named(brick: &KnownBrick, failure: Failure) -> Failure {
-    Failure { message: format!("{}: {}", brick.name, failure.message), ..failure }
+    let message = failure.message.strip_prefix("error: ").unwrap_or(&failure.message);
+    Failure { message: format!("{}: {message}", brick.name), ..failure }
 }
 
 /// A brick that did not do what it was asked, without its name.
@@ -307,6 +309,8 @@ mod tests {
         let alone = vec![(brick.clone(), Err::<(), _>(fail()))];
         let alone = conclude(alone, &mut output, |_, _, ()| {}).unwrap_err();
         assert!(alone.message.starts_with("vm: what answers"), "{alone:?}");
+        let finding = Failure::refused("error: unknown key\n  --> mission.toml:1:1");
+        assert!(named(&brick, finding).message.starts_with("vm: unknown key\n"));
         let answers = vec![(brick.clone(), Err::<(), _>(fail())), (brick.clone(), Ok(()))];
         let all = conclude(answers, &mut output, |_, _, ()| {}).unwrap_err();
         assert_eq!(all.message, "1 of 2 bricks did not do it");

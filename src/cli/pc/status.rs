@@ -39,10 +39,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 
 /// The battery, for people.
 pub(super) fn battery(status: &Status) -> String {
-    match status.battery_v {
-        Some(volts) => format!("{volts:.1} V"),
-        None if status.simulated => "simulated".to_owned(),
-        None => "no battery".to_owned(),
+    match (status.battery_v, status.simulated) {
+        (Some(volts), true) => format!("simulated, {volts:.1} V"),
+        (Some(volts), false) => format!("{volts:.1} V"),
+        (None, true) => "simulated".to_owned(),
+        (None, false) => "no battery".to_owned(),
     }
 }
 

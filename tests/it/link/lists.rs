@@ -20,7 +20,7 @@ fn missions_are_a_line_each_and_findings_come_with_v() {
     let lines: Vec<&str> = lines.lines().collect();
     assert_eq!(lines.len(), 2, "{lines:?}");
     assert!(
-        lines[0].starts_with("sim  broken") && lines[0].ends_with("not in order: -v says why"),
+        lines[0].starts_with("sim  broken  -  ") && lines[0].ends_with("not in order: -v says why"),
         "{lines:?}"
     );
     assert!(lines[1].starts_with("sim  short  60 s"), "{lines:?}");
