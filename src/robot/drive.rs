@@ -31,8 +31,12 @@ impl RobotConfig {
     ///
     /// A measure that makes no sense, though it passed when the file was read.
     pub fn geometry(&self) -> Result<Geometry, GeometryError> {
-        Geometry::new(self.drive.wheel_circumference_m, self.drive.track_width_m)?
+        let usual = Geometry::new(self.drive.wheel_circumference_m, self.drive.track_width_m)?;
+        // Wheels that are geared up are faster than any motor.
+        let fastest_rad_s = self.drive.max_wheel_rad_s.max(usual.max_wheel_rad_s());
+        usual
             .with_gyro_scale(self.gyro_scale)?
+            .with_max_wheel_rad_s(fastest_rad_s)?
             .with_range(self.range.unwrap_or_default())
     }
 
@@ -102,6 +106,8 @@ impl RobotConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clock::MILLISECOND_NS;
+    use crate::mapping::{Estimator, EstimatorConfig, Inputs, Method, Pose};
     use crate::robot::DEFAULT_ROBOT;
     use proptest::prelude::*;
 
@@ -130,6 +136,24 @@ mod tests {
             (left - robot.drive.max_wheel_rad_s).abs() < 1e-9
                 && (right + robot.drive.max_wheel_rad_s / 2.0).abs() < 1e-9
         );
+    }
+
+    #[test]
+    fn wheels_that_are_geared_up_are_followed() {
+        let mut robot = robot();
+        // A motor of 18 rad/s with 36 teeth on 12.
+        robot.drive.max_wheel_rad_s = 54.0;
+        let (geometry, start) = (robot.geometry().unwrap(), Pose::default());
+        let mut estimator =
+            Estimator::new(EstimatorConfig { geometry, method: Method::Default }, start);
+        let driven = (0..=50).map(|tick| {
+            let rad = Some(54.0 * 0.02 * f64::from(tick));
+            let time_ns = i64::from(tick) * 20 * MILLISECOND_NS;
+            let inputs = Inputs { time_ns, left_rad: rad, right_rad: rad, ..Inputs::default() };
+            estimator.update(&inputs).pose.x_m
+        });
+        let (x_m, expected_m) = (driven.last().unwrap(), 54.0 * robot.metres_per_rad());
+        assert!((x_m - expected_m).abs() < 0.01, "{x_m} m for {expected_m} m");
     }
 
     proptest! {
