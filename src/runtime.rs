@@ -72,7 +72,7 @@ pub(crate) use replay::Again;
 pub use replay::{
     Cast, Difference, Remade, ReplayError, Replayed, joint_map, replay, replay_with, whole_map,
 };
-pub use stop_request::{StopRequest, StopWatch};
+pub use stop_request::StopRequest;
 
 /// A file as it was read, with the name that findings use.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

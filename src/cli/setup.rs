@@ -104,7 +104,7 @@ mod tests {
     #[test]
     fn only_what_is_found_before_a_motor_turns_is_a_refusal() {
         for (error, exit) in [
-            (SetupError::TooFewMotors { found: "none is".to_owned() }, Exit::Refused),
+            (SetupError::TooFewMotors { found: "none is" }, Exit::Refused),
             (SetupError::NoAnswer(NoAnswer::Closed), Exit::Failed),
             (SetupError::Stopped, Exit::Failed),
             (SetupError::NoWheel("left"), Exit::Failed),

@@ -18,7 +18,8 @@ use signal_hook::iterator::Signals;
 use super::output::safe;
 use super::{Context, Exit, Failure, Hint};
 use crate::commissioning::{Dialogue, NoAnswer};
-use crate::runtime::{HardwareLock, STOP_SIGNALS, StopFlags, StopWatch, halt_command};
+use crate::runtime::{HardwareLock, STOP_SIGNALS, StopFlags, halt_command};
+use crate::threads::Background;
 
 /// How long a nap is, milliseconds.
 const NAP_MS: u8 = 100;
@@ -179,7 +180,7 @@ fn chosen(answer: &str, choices: &[&str], default: usize) -> Option<usize> {
 pub(super) struct Driving {
     /// Raised by whatever stops a run.
     pub(super) flags: StopFlags,
-    _requests: StopWatch,
+    _requests: Background,
     _lock: HardwareLock,
 }
 

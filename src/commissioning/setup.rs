@@ -59,7 +59,7 @@ pub enum SetupError {
     )]
     TooFewMotors {
         /// How many there are, in words.
-        found: String,
+        found: &'static str,
     },
     /// The person named no motor for a wheel.
     #[error("no motor was named as the {0} wheel's: a robot needs both; start again")]
@@ -123,7 +123,7 @@ pub fn setup(
     introduce(dialogue, &motors, &sensors);
     if motors.len() < 2 {
         let found = if motors.is_empty() { "none is" } else { "one is" };
-        return Err(SetupError::TooFewMotors { found: found.to_owned() });
+        return Err(SetupError::TooFewMotors { found });
     }
     let mut draft = Draft { name: name(dialogue)?, ..Draft::default() };
     dialogue.agree(

@@ -160,14 +160,10 @@ fn code(pc: (&PublicKey, &Number), brick: (&PublicKey, &Number)) -> String {
 /// From the kernel; it waits where there is no chance yet.
 pub(super) fn random() -> std::io::Result<Number> {
     let mut number = [0; 32];
-    let mut filled = 0;
-    while let Some(rest) = number.get_mut(filled..).filter(|rest| !rest.is_empty()) {
-        match rustix::rand::getrandom(rest, rustix::rand::GetRandomFlags::empty()) {
-            Ok(more) => filled += more,
-            Err(rustix::io::Errno::INTR) => {}
-            Err(error) => return Err(error.into()),
-        }
-    }
+    // Up to 256 bytes come whole (getrandom(2)).
+    let flags = rustix::rand::GetRandomFlags::empty();
+    let filled = rustix::io::retry_on_intr(|| rustix::rand::getrandom(&mut number, flags))?;
+    debug_assert_eq!(filled, number.len());
     Ok(number)
 }
 

@@ -21,7 +21,7 @@
 //! same width.
 
 use super::{Pose, Sight, standing};
-use crate::units::{count, floored};
+use crate::units::{bounds, count, floored};
 
 /// How far a start may be wrong, to each side and in turn: 24 cm and 12°.
 const STEPS: i32 = 8;
@@ -176,12 +176,10 @@ struct Laid {
 impl Laid {
     fn of(sights: &[Sight]) -> Self {
         const MARGIN_M: f64 = 0.1;
-        let least = |axis: usize| sights.iter().map(|s| s.at_m[axis]).fold(f64::INFINITY, f64::min);
-        let most =
-            |axis: usize| sights.iter().map(|s| s.at_m[axis]).fold(f64::NEG_INFINITY, f64::max);
-        let low_m = [0, 1].map(|axis| least(axis) - MARGIN_M);
+        let [low_m, high_m] = bounds(sights.iter().map(|sight| sight.at_m));
+        let low_m = low_m.map(|m| m - MARGIN_M);
         let cells = |axis: usize| {
-            usize::try_from(floored((most(axis) + MARGIN_M - low_m[axis]) / CELL_M) + 1)
+            usize::try_from(floored((high_m[axis] + MARGIN_M - low_m[axis]) / CELL_M) + 1)
         };
         let [columns, rows] = [0, 1].map(|axis| cells(axis).unwrap_or(0));
         let mut laid =

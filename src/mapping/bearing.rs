@@ -23,7 +23,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Range;
 use super::pose::Correction;
 use super::range::Beam;
 
@@ -37,17 +36,13 @@ const NOISE_M: f64 = 0.03;
 /// Bearings nearer than this to each other say nothing of a slope, radians: 1.4°.
 const SPREAD_RAD: f64 = 0.025;
 /// Soundings further apart than this are no sweep any more, radians.
-const SWEEP_RAD: f64 = 0.35;
+pub(super) const SWEEP_RAD: f64 = 0.35;
 
 /// The soundings before, as far as they are of the same sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Slope {
     last: Option<Heard>,
     before: Option<Heard>,
-    /// Bearing of the last sounding, echo or not.
-    bearing_rad: Option<f64>,
-    /// Soundings without an echo since the last one.
-    missed: u8,
     /// The direction that the last echo was taken to come from.
     echo_rad: f64,
 }
@@ -62,29 +57,20 @@ struct Heard {
 }
 
 impl Slope {
-    /// Takes a sounding; returns how far off the beam's axis its echo is, radians anticlockwise, at
-    /// most the half cone.
+    /// Takes an echo of the same sweep; returns how far off the beam's axis it is, radians
+    /// anticlockwise, at most the half cone.
     ///
-    /// `bearing_rad` is the beam's direction in the world, without a wrap.
+    /// - `bearing_rad`: the beam's direction in the world, without a wrap.
+    /// - `swept_rad`: how far it has turned since the last sounding, echo or not.
     pub(super) fn off_axis_rad(
         &mut self,
         beam: &Beam,
         bearing_rad: f64,
-        range: Range,
+        range_m: f64,
+        swept_rad: f64,
         half_cone_rad: f64,
     ) -> f64 {
-        let swept_rad =
-            self.bearing_rad.replace(bearing_rad).map_or(0.0, |last_rad| bearing_rad - last_rad);
-        let Range::Echo(range_m) = range else {
-            self.missed = self.missed.saturating_add(1);
-            return 0.0;
-        };
         let now = Heard { range_m, bearing_rad, x_m: beam.x_m, y_m: beam.y_m };
-        // One missing echo may be a sensor's whim; two are a gap.
-        if self.missed > 1 || swept_rad.abs() > SWEEP_RAD {
-            (self.last, self.before) = (None, None);
-        }
-        self.missed = 0;
         let share = self.share(&now, beam, swept_rad);
         let off_rad = match share {
             Some(share) => share * half_cone_rad,
@@ -100,9 +86,7 @@ impl Slope {
         for heard in [&mut self.last, &mut self.before].into_iter().flatten() {
             correction.apply(&mut heard.x_m, &mut heard.y_m, &mut heard.bearing_rad);
         }
-        for bearing_rad in self.bearing_rad.iter_mut().chain([&mut self.echo_rad]) {
-            correction.turn(bearing_rad);
-        }
+        correction.turn(&mut self.echo_rad);
     }
 
     /// The share of the half cone by which the echo is off the axis, −1 to 1; `None` where nothing
@@ -155,6 +139,7 @@ impl Heard {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mapping::Range;
     use crate::units::{degrees, radians};
 
     const HALF_RAD: f64 = 14.0 * std::f64::consts::PI / 180.0;
@@ -176,6 +161,7 @@ mod tests {
         hear: impl Fn(f64) -> Range,
     ) -> Vec<(f64, f64, f64)> {
         let mut sweep = Slope::default();
+        let mut last_deg = None;
         bearings_deg
             .filter_map(|bearing_deg| {
                 let bearing_rad = radians(bearing_deg);
@@ -185,9 +171,11 @@ mod tests {
                     cos: libm::cos(bearing_rad),
                     sin: libm::sin(bearing_rad),
                 };
-                let range = hear(bearing_deg);
-                let off_rad = sweep.off_axis_rad(&beam, bearing_rad, range, HALF_RAD);
-                let Range::Echo(range_m) = range else { return None };
+                let swept_deg =
+                    last_deg.replace(bearing_deg).map_or(0.0, |last| bearing_deg - last);
+                let Range::Echo(range_m) = hear(bearing_deg) else { return None };
+                let off_rad =
+                    sweep.off_axis_rad(&beam, bearing_rad, range_m, radians(swept_deg), HALF_RAD);
                 Some((
                     bearing_deg,
                     range_m * libm::cos(bearing_rad + off_rad),
@@ -229,8 +217,10 @@ mod tests {
         // A post's near side in front of a wall: nearer by more than any wall allows.
         let mut sweep = Slope::default();
         let beam = Beam { x_m: 0.0, y_m: 0.0, cos: 1.0, sin: 0.0 };
+        let step_rad = radians(4.3);
         let mut hear = |bearing_deg: f64, range_m: f64| {
-            degrees(sweep.off_axis_rad(&beam, radians(bearing_deg), Range::Echo(range_m), HALF_RAD))
+            let bearing_rad = radians(bearing_deg);
+            degrees(sweep.off_axis_rad(&beam, bearing_rad, range_m, step_rad, HALF_RAD))
         };
         hear(0.0, 1.0);
         assert!(hear(4.3, 1.0).abs() < 1e-9, "a constant range is on the axis");
@@ -245,8 +235,8 @@ mod tests {
         for step in 0..10 {
             let x_m = 0.02 * f64::from(step);
             let beam = Beam { x_m, y_m: 0.0, cos: 1.0, sin: 0.0 };
-            let off_rad =
-                sweep.off_axis_rad(&beam, 0.03 * f64::from(step), Range::Echo(1.0 - x_m), HALF_RAD);
+            let bearing_rad = 0.03 * f64::from(step);
+            let off_rad = sweep.off_axis_rad(&beam, bearing_rad, 1.0 - x_m, 0.03, HALF_RAD);
             assert!(step == 0 || off_rad.abs() < 1e-9, "{off_rad} rad at {x_m} m");
         }
     }

@@ -118,12 +118,6 @@ impl Estimator {
         self.state.history.at(time_ns).pose
     }
 
-    /// The bias that is being removed from the gyro, rad/s anticlockwise.
-    #[must_use]
-    pub fn gyro_bias_rad_s(&self) -> f64 {
-        self.state.gyro.bias_rad_s()
-    }
-
     /// What is known now of where the robot was, for [`where_now`](super::where_now); empty where
     /// nothing corrects the pose.
     #[must_use]

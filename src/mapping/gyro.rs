@@ -142,11 +142,6 @@ pub(super) struct HeadingStep {
 }
 
 impl GyroState {
-    /// Whether there has been a gyro at all.
-    fn is_known(&self) -> bool {
-        self.last.is_some()
-    }
-
     /// The bias that is being removed, rad/s.
     pub(super) fn bias_rad_s(&self) -> f64 {
         self.bias_rad_s
@@ -215,7 +210,7 @@ impl GyroState {
         }
         self.unread_rad += input.encoder_rad;
         self.still = None;
-        let events = Events::GYRO_LOST.when(self.is_known());
+        let events = Events::GYRO_LOST.when(self.last.is_some());
         HeadingStep { heading_rad: predicted_rad, change_rad: None, gyro_rad: None, events }
     }
 

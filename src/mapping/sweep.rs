@@ -47,8 +47,6 @@ const STOOD_M: f64 = 0.05;
 const WIDEST_RAD: f64 = 1.75;
 /// Bearings nearer than this to each other are the same, radians: 1°.
 const SAME_RAD: f64 = 0.0174;
-/// Soundings further apart than this are no sweep, radians: 20°.
-const SWEEP_RAD: f64 = 0.35;
 /// A valley that is not over after this is taken as it is, nanoseconds: the map should not wait.
 const LONGEST_NS: i64 = 8_000_000_000;
 
@@ -117,15 +115,19 @@ impl Sweep {
         range: Range,
         half_cone_rad: f64,
     ) -> (f64, Option<Valley>) {
-        let off_rad = self.slope.off_axis_rad(beam, bearing_rad, range, half_cone_rad);
         let turned_rad = self.last_rad.replace(bearing_rad).map_or(0.0, |last| bearing_rad - last);
         let turned_back = self.turn(turned_rad);
         let Range::Echo(range_m) = range else {
             self.missed = self.missed.saturating_add(1);
             // One missing echo may be a sensor's whim; two are a gap.
             let over = (self.missed == 2 || turned_back).then(|| self.end(!turned_back));
-            return (off_rad, over.flatten());
+            return (0.0, over.flatten());
         };
+        if self.missed > 1 || turned_rad.abs() > bearing::SWEEP_RAD {
+            self.slope = Slope::default();
+        }
+        let off_rad =
+            self.slope.off_axis_rad(beam, bearing_rad, range_m, turned_rad, half_cone_rad);
         let echo = Echo { time_ns, x_m: beam.x_m, y_m: beam.y_m, bearing_rad, range_m, off_rad };
         let over = self.add(echo, turned_rad, turned_back);
         self.missed = 0;
@@ -162,7 +164,7 @@ impl Sweep {
             let grown_m = echo.reduced_m(last.x_m, last.y_m) - last.range_m;
             let most_m = bearing::most_grown_m(turned_rad, echo.range_m.min(last.range_m));
             let first_ns = self.echoes.first().map_or(echo.time_ns, |first| first.time_ns);
-            if turned_back || turned_rad.abs() > SWEEP_RAD {
+            if turned_back || turned_rad.abs() > bearing::SWEEP_RAD {
                 over = self.end(false);
                 self.begun = false;
             } else if grown_m.abs() > most_m || self.missed > 1 {

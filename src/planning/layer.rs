@@ -77,11 +77,13 @@ impl Layer {
         }
     }
 
-    pub(super) fn unset(&mut self, place: Place) {
+    /// Puts a cell in, or takes it out.
+    pub(super) fn put(&mut self, place: Place, is_in: bool) {
         let row = usize::try_from(place.row).ok().and_then(|row| self.rows.get_mut(row));
         let word = usize::try_from(place.column >> 5).ok();
         if let Some(word) = row.zip(word).and_then(|(row, word)| row.get_mut(word)) {
-            *word &= !(1 << (place.column & 31));
+            let bit = place.column & 31;
+            *word = *word & !(1 << bit) | u32::from(is_in) << bit;
         }
     }
 

@@ -243,16 +243,8 @@ impl Survey {
         let index = usize::from(self.index(place));
         let Some(evidence) = self.evidence.get_mut(index) else { return };
         *evidence = weighed(*evidence);
-        if *evidence >= WALL {
-            self.walls.set(place);
-        } else {
-            self.walls.unset(place);
-        }
-        if *evidence >= SUSPECT {
-            self.suspects.set(place);
-        } else {
-            self.suspects.unset(place);
-        }
+        self.walls.put(place, *evidence >= WALL);
+        self.suspects.put(place, *evidence >= SUSPECT);
     }
 
     /// Reads rows of the grid.

@@ -161,14 +161,12 @@ impl Encoder {
         self.flush_points(time_ns)?;
         self.flush_statistics(time_ns)?;
         self.walls(time_ns)?;
-        match map {
-            Some(map) => self.file.message(
-                Topic::Map,
-                time_ns,
-                &grid::message(map, self.header(time_ns, FRAME_MAP)),
-            ),
-            None => Ok(()),
-        }
+        map.map_or(Ok(()), |map| self.write_map(time_ns, map))
+    }
+
+    fn write_map(&mut self, time_ns: i64, map: &Grid) -> Result<(), RecordError> {
+        let message = grid::message(map, self.header(time_ns, FRAME_MAP));
+        self.file.message(Topic::Map, time_ns, &message)
     }
 
     /// Brings everything so far to the disk.
@@ -215,7 +213,7 @@ impl Encoder {
         if due(&mut self.next_odometry_ns, time_ns, ODOMETRY_PERIOD_NS) {
             self.odometry(record)?;
         }
-        if record.range_is_new {
+        if record.estimate.sounding.is_some_and(|sounding| sounding.fresh) {
             self.range(record)?;
         }
         self.points.extend(record.placed.iter());
@@ -331,11 +329,7 @@ impl Encoder {
         } else if due(&mut self.next_map_ns, time_ns, MAP_PERIOD_NS) && self.map_grew {
             self.map_grew = false;
             let map = Grid::from(&self.map).trimmed();
-            self.file.message(
-                Topic::Map,
-                time_ns,
-                &grid::message(&map, self.header(time_ns, FRAME_MAP)),
-            )?;
+            self.write_map(time_ns, &map)?;
         }
         Ok(())
     }

@@ -14,6 +14,7 @@ use super::growing::GrowingFile;
 use super::progress::Heard;
 use super::run::{Collected, Run};
 use super::status::Status;
+use crate::document::if_there;
 
 /// A recording that is followed. It lags behind the run by a sync, a second as a rule.
 #[derive(Debug)]
@@ -40,10 +41,8 @@ impl Followed {
     pub fn look(&mut self) -> io::Result<()> {
         // A download deletes its empty file when it fails; the next one makes another.
         if self.file.as_ref().is_none_or(GrowingFile::is_unread) {
-            match GrowingFile::open(&self.path) {
-                Ok(file) => self.file = Some(file),
-                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-                Err(error) => return Err(error),
+            if let Some(file) = if_there(GrowingFile::open(&self.path))? {
+                self.file = Some(file);
             }
         }
         let Some(file) = &mut self.file else { return Ok(()) };

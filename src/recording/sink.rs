@@ -23,6 +23,8 @@ use nix::libc;
 use nix::sys::memfd::{MFdFlags, memfd_create};
 use nix::sys::statvfs::statvfs;
 
+use crate::document::if_there;
+
 /// Where a recording's bytes go. Tests put faults behind it.
 pub trait Sink: Debug + Send {
     /// Takes all bytes, behind those of the last call.
@@ -119,11 +121,7 @@ fn hold(file: &File) -> io::Result<()> {
 ///
 /// What the file system says; no process writes a file that does not exist.
 pub fn writer(path: &Path) -> io::Result<Option<i32>> {
-    let file = match File::open(path) {
-        Ok(file) => file,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(error),
-    };
+    let Some(file) = if_there(File::open(path))? else { return Ok(None) };
     let mut lock = whole_file(libc::F_RDLCK)?;
     fcntl(file.as_fd(), FcntlArg::F_GETLK(&mut lock))?;
     Ok((i32::from(lock.l_type) != libc::F_UNLCK).then_some(lock.l_pid))

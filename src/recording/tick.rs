@@ -38,8 +38,6 @@ pub struct TickRecord {
     pub estimate: Estimate,
     /// The points that came into the map.
     pub placed: Placed,
-    /// True where the range reading is a new one and not the last one seen again.
-    pub range_is_new: bool,
     /// How long after its deadline the tick began, nanoseconds.
     pub lateness_ns: i64,
 }

@@ -19,89 +19,56 @@ pub const FRAME_BASE: &str = "base_link";
 /// The range sensor: where distances are counted from, x in the direction of measuring.
 pub const FRAME_RANGE: &str = "range_link";
 
-/// A channel of a recording. Its place in [`Topic::ALL`] is its channel number, so the order never
-/// changes; new topics go to the end.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[repr(u16)]
-#[non_exhaustive]
-pub enum Topic {
-    /// `/senses`.
-    Senses = 0,
-    /// `/pose`.
-    Pose = 1,
-    /// `/odom`.
-    Odometry = 2,
-    /// `/tf`.
-    Transforms = 3,
-    /// `/tf_static`.
-    StaticTransforms = 4,
-    /// `/range`.
-    Range = 5,
-    /// `/points`.
-    Points = 6,
-    /// `/map`.
-    Map = 7,
-    /// `/transitions`.
-    Transitions = 8,
-    /// `/rosout`.
-    Log = 9,
-    /// `/stats`.
-    Statistics = 10,
-    /// `/checkpoint`.
-    Checkpoint = 11,
-    /// `/gap`.
-    Gap = 12,
-    /// `/variables`.
-    Variables = 13,
-    /// `/truth`.
-    Truth = 14,
-    /// `/walls`.
-    Walls = 15,
-    /// `/keyframes`.
-    Keyframes = 16,
+/// A row for each topic, by channel number: its name and its message's type, `package/Name`.
+macro_rules! topics {
+    ($($topic:ident = $name:literal, $message:literal;)+) => {
+        /// A channel of a recording. Its place in [`Topic::ALL`] is its channel number, so the
+        /// order never changes; new topics go to the end.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[repr(u16)]
+        #[non_exhaustive]
+        pub enum Topic {
+            $(#[doc = concat!("`", $name, "`.")] $topic),+
+        }
+
+        const TOPICS: &[(&str, &str)] = &[$(($name, $message)),+];
+
+        impl Topic {
+            /// Every topic, by channel number.
+            pub const ALL: [Self; TOPICS.len()] = [$(Self::$topic),+];
+        }
+    };
 }
 
-/// A row for each topic, by channel number: its name and its message's type, `package/Name`.
-const TOPICS: [(Topic, &str, &str); 17] = [
-    (Topic::Senses, "/senses", "onbrick_msgs/Senses"),
-    (Topic::Pose, "/pose", "onbrick_msgs/Pose"),
-    (Topic::Odometry, "/odom", "nav_msgs/Odometry"),
-    (Topic::Transforms, "/tf", "tf2_msgs/TFMessage"),
-    (Topic::StaticTransforms, "/tf_static", "tf2_msgs/TFMessage"),
-    (Topic::Range, "/range", "sensor_msgs/Range"),
-    (Topic::Points, "/points", "sensor_msgs/PointCloud2"),
-    (Topic::Map, "/map", "nav_msgs/OccupancyGrid"),
-    (Topic::Transitions, "/transitions", "onbrick_msgs/Transition"),
-    (Topic::Log, "/rosout", "rcl_interfaces/Log"),
-    (Topic::Statistics, "/stats", "onbrick_msgs/TickStatistics"),
-    (Topic::Checkpoint, "/checkpoint", "onbrick_msgs/Checkpoint"),
-    (Topic::Gap, "/gap", "onbrick_msgs/Gap"),
-    (Topic::Variables, "/variables", "onbrick_msgs/Variables"),
-    (Topic::Truth, "/truth", "geometry_msgs/PoseStamped"),
-    (Topic::Walls, "/walls", "visualization_msgs/Marker"),
-    (Topic::Keyframes, "/keyframes", "onbrick_msgs/Keyframes"),
-];
+topics! {
+    Senses = "/senses", "onbrick_msgs/Senses";
+    Pose = "/pose", "onbrick_msgs/Pose";
+    Odometry = "/odom", "nav_msgs/Odometry";
+    Transforms = "/tf", "tf2_msgs/TFMessage";
+    StaticTransforms = "/tf_static", "tf2_msgs/TFMessage";
+    Range = "/range", "sensor_msgs/Range";
+    Points = "/points", "sensor_msgs/PointCloud2";
+    Map = "/map", "nav_msgs/OccupancyGrid";
+    Transitions = "/transitions", "onbrick_msgs/Transition";
+    Log = "/rosout", "rcl_interfaces/Log";
+    Statistics = "/stats", "onbrick_msgs/TickStatistics";
+    Checkpoint = "/checkpoint", "onbrick_msgs/Checkpoint";
+    Gap = "/gap", "onbrick_msgs/Gap";
+    Variables = "/variables", "onbrick_msgs/Variables";
+    Truth = "/truth", "geometry_msgs/PoseStamped";
+    Walls = "/walls", "visualization_msgs/Marker";
+    Keyframes = "/keyframes", "onbrick_msgs/Keyframes";
+}
 
 impl Topic {
-    /// Every topic, by channel number.
-    pub const ALL: [Self; TOPICS.len()] = {
-        let mut all = [Self::Senses; TOPICS.len()];
-        let mut channel = 0;
-        while channel < all.len() {
-            all[channel] = TOPICS[channel].0;
-            channel += 1;
-        }
-        all
-    };
-
     /// The topic's name.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        TOPICS[self as usize].1
+        TOPICS[self as usize].0
     }
 
     const fn message_type(self) -> &'static str {
-        TOPICS[self as usize].2
+        TOPICS[self as usize].1
     }
 
     /// The full name of the message's type, such as `sensor_msgs/msg/Range`.

@@ -69,7 +69,12 @@ pub fn evict(
 ) -> Result<bool, LockError> {
     let of_run = || Ok(HardwareLock::owner(root)?.filter(|owner| which(owner)));
     let has_yielded = || Ok(of_run()?.is_none_or(|owner| is_finishing(root, &owner)));
-    if wait_until(patience_ns, &has_yielded)? {
+    // An error ends the wait, and shows in the look after it.
+    let yields_within = |patience_ns| {
+        MonotonicClock.wait_for(patience_ns, LOOK_NS, &|| has_yielded().unwrap_or(true));
+        has_yielded()
+    };
+    if yields_within(patience_ns)? {
         return Ok(true);
     }
     let Some(owner) = of_run()? else { return Ok(true) };
@@ -79,7 +84,7 @@ pub fn evict(
             // One that is gone, or of another user, shows below.
             let _ = kill(Pid::from_raw(process), Signal::SIGKILL);
         }
-        if wait_until(patience_ns, &has_yielded)? {
+        if yields_within(patience_ns)? {
             return Ok(true);
         }
     }
@@ -127,20 +132,4 @@ pub fn end_by_force(
 fn is_finishing(root: &Path, owner: &Owner) -> bool {
     let is_anothers = || kill(Pid::from_raw(owner.pid), None) == Err(Errno::EPERM);
     owner.stopped && (HardwareLock::is_held_by(root, owner.pid) || is_anothers())
-}
-
-fn wait_until(
-    patience_ns: i64,
-    is_so: &dyn Fn() -> Result<bool, LockError>,
-) -> Result<bool, LockError> {
-    let deadline_ns = MonotonicClock.now_ns() + patience_ns;
-    loop {
-        if is_so()? {
-            return Ok(true);
-        }
-        if MonotonicClock.now_ns() >= deadline_ns {
-            return Ok(false);
-        }
-        MonotonicClock.sleep_ns(LOOK_NS);
-    }
 }

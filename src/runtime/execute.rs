@@ -14,13 +14,14 @@ use crate::ev3dev::{DeviceError, StopAction, Tree};
 use crate::mapping::Pose;
 use crate::printable::with_causes;
 use crate::robot::{Aspect, BindError, LeasedMotor, Robot, equip};
+use crate::threads::Background;
 
 use super::control::{Control, Tally};
 use super::environment::{Environment, Floor};
 use super::pilot::PilotError;
 use super::{
     Brick, Ended, Event, HardwareLock, Heartbeat, Job, Lock, LockError, NotReady, Owner, Pilot,
-    PilotState, Pulse, Stop, StopFlags, StopReason, StopWatch, halt_command, open_files, prepare,
+    PilotState, Pulse, Stop, StopFlags, StopReason, halt_command, open_files, prepare,
 };
 use crate::recording::{self, End, Info, Options, Pace, RecordError, Recorder, Start};
 
@@ -362,7 +363,7 @@ fn write_owner(job: &Job, owner: &Owner) {
 
 /// The hardware of a run, where it is not a simulation's.
 struct Held {
-    _requests: StopWatch,
+    _requests: Background,
     /// Nothing where the guard has it already.
     _lock: Option<HardwareLock>,
 }

@@ -106,8 +106,7 @@ impl Step {
     /// As a recording holds it, with the senses that it came from.
     pub(super) fn record(&self, senses: &Senses, lateness_ns: i64) -> TickRecord {
         let Self { estimate, placed, .. } = *self;
-        let range_is_new = estimate.sounding.is_some_and(|sounding| sounding.fresh);
-        TickRecord { senses: *senses, estimate, placed, range_is_new, lateness_ns }
+        TickRecord { senses: *senses, estimate, placed, lateness_ns }
     }
 }
 

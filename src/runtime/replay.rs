@@ -222,11 +222,8 @@ pub fn whole_map(run: &Run) -> Result<Grid, ReplayError> {
     if let Some(grid) = run.map.as_ref().filter(|_| is_usual) {
         return Ok(grid.clone());
     }
-    let grid = if is_usual {
-        None
-    } else {
-        Some(OccupancyGrid::united(&[&usual, &whole]).ok_or(ReplayError::TooWide)?)
-    };
+    let united = || OccupancyGrid::united(&[&usual, &whole]).ok_or(ReplayError::TooWide);
+    let grid = (!is_usual).then(united).transpose()?;
     Ok(Grid::from(ended(run, grid)?.map().grid()))
 }
 
@@ -344,12 +341,12 @@ impl Replayed {
         self.compare_points(tick, &step.placed, recorded);
         let were = recorded.transitions.get(&tick).map_or(&[][..], Vec::as_slice);
         let Some(taken) = taken else {
-            self.unrecorded += count(were);
+            self.unrecorded += were.len() as u64;
             return;
         };
         if taken == were || taken.starts_with(were) && recorded.may_lack_transitions(tick) {
-            self.transitions += count(were);
-            self.unrecorded += count(taken) - count(were);
+            self.transitions += were.len() as u64;
+            self.unrecorded += taken.len() as u64 - were.len() as u64;
         } else {
             self.differ(tick, || format!("transitions {taken:?} instead of {were:?}"));
         }
@@ -371,10 +368,6 @@ impl Replayed {
             self.differences.push(Difference { tick, what: what() });
         }
     }
-}
-
-fn count<T>(things: &[T]) -> u64 {
-    u64::try_from(things.len()).unwrap_or(0)
 }
 
 fn same_pose(a: &Pose, b: &Pose) -> bool {

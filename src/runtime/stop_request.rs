@@ -59,12 +59,6 @@ impl StopRequest {
     }
 }
 
-/// Looks for a [`StopRequest`] until it is dropped.
-#[derive(Debug)]
-pub struct StopWatch {
-    _thread: Background,
-}
-
 impl StopFlags {
     /// A [`StopRequest`] of what drives the hardware below `root` raises its flag, as long as the
     /// result is held.
@@ -72,7 +66,7 @@ impl StopFlags {
     /// # Errors
     ///
     /// The kernel has no room for a thread.
-    pub fn watch_requests(&self, root: &Path) -> io::Result<StopWatch> {
+    pub(crate) fn watch_requests(&self, root: &Path) -> io::Result<Background> {
         let (path, flags) = (path(root), self.clone());
         let watch = move |ends: &AtomicBool| {
             while !ends.load(Ordering::Relaxed) {
@@ -82,7 +76,7 @@ impl StopFlags {
                 MonotonicClock.sleep_ns(LOOK_NS);
             }
         };
-        Ok(StopWatch { _thread: Background::start("stop-watch", watch)? })
+        Background::start("stop-watch", watch)
     }
 }
 

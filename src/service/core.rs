@@ -10,14 +10,14 @@ use super::config::Config;
 use super::hardware::{Charge, Hardware};
 use super::machine::{Happening, Machine};
 use super::settings::{Kept, addresses};
-use super::start::Stop;
+use super::start::{Stop, busy};
 use super::store::Store;
 use super::token::Tokens;
 use super::{NetworkLink, RobotSite, missions};
 use crate::behavior::Capabilities;
 use crate::clock::{Clock, MonotonicClock, wall_ns, wrong_year};
 use crate::protocol::{
-    Answer, Caller, Done, Kind, LocalOnly, Missions, Name, Operations, Pairing, Refusal, Request,
+    Answer, Caller, Done, LocalOnly, Missions, Name, Operations, Pairing, Refusal, Request,
     RunInfo, Runs, Settings, SettingsChange, Status, Stopped, VERSION,
 };
 use crate::robot::BatteryConfig;
@@ -260,13 +260,8 @@ impl Service {
     }
 
     /// Nothing of ours or of others may drive while a person looks or turns motors by hand.
-    fn between_runs(&self) -> Result<(), Refusal> {
-        match lock(&self.inner.now).machine.run() {
-            Some(run) => {
-                Err(Refusal::new(Kind::Busy, format!("the run `{}` has the hardware", run.run)))
-            }
-            None => Ok(()),
-        }
+    pub(super) fn between_runs(&self) -> Result<(), Refusal> {
+        lock(&self.inner.now).machine.run().map_or(Ok(()), |run| Err(busy(&run.run)))
     }
 }
 

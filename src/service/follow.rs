@@ -105,6 +105,12 @@ impl Service {
 
     fn note_end(&self, run: &RunId, mission: &str, ended: Result<Ended, RunError>) {
         let inner = &self.inner;
+        // Whether the motors were told to stop; nothing was recorded of what was refused.
+        let stopped = match &ended {
+            Ok(ended) => Some(ended.stopped),
+            Err(RunError::Refused { .. }) => None,
+            Err(error) => Some(matches!(error, RunError::Silent { stopped: true, .. })),
+        };
         let (stop, recording) = match &ended {
             Ok(ended) => (ended.stop.clone(), ended.recording.clone()),
             Err(RunError::Refused { stop, hint }) => {
@@ -115,8 +121,8 @@ impl Service {
                 (stop, None)
             }
             Err(error) => {
-                let then = match error {
-                    RunError::Silent { stopped: true, .. } => "its motors were stopped",
+                let then = match stopped {
+                    Some(true) => "its motors were stopped",
                     _ => "onbrick halt, to be sure that the motors are still",
                 };
                 (StopReason::Died.with(format!("{}; {then}", with_causes(error))), None)
@@ -127,22 +133,13 @@ impl Service {
             true => log::info!("run {run}: {last}"),
             false => log::warn!("run {run}: {last}"),
         }
-        match &ended {
-            Ok(ended) => {
-                inner.happen(Happening::MotorsTold { stopped: ended.stopped });
-                inner.store.end(
-                    run,
-                    Some(last.clone()),
-                    Some(ended.travelled_m),
-                    Some(ended.points),
-                );
-            }
-            // Nothing was recorded.
-            Err(RunError::Refused { .. }) => inner.store.take_back(run),
-            Err(error) => {
-                let stopped = matches!(error, RunError::Silent { stopped: true, .. });
+        match stopped {
+            None => inner.store.take_back(run),
+            Some(stopped) => {
                 inner.happen(Happening::MotorsTold { stopped });
-                inner.store.end(run, Some(last.clone()), None, None);
+                let went = ended.as_ref().ok().map(|ended| (ended.travelled_m, ended.points));
+                let (way_m, points) = went.unzip();
+                inner.store.end(run, Some(last.clone()), way_m, points);
             }
         }
         lock(&inner.now).stop = None;

@@ -260,14 +260,10 @@ impl Service {
     }
 
     fn may_start(&self) -> Result<(), Refusal> {
-        let now = lock(&self.inner.now);
-        if now.closing {
+        if lock(&self.inner.now).closing {
             return Err(Refusal::new(Kind::NotReady, "the service is about to end"));
         }
-        match now.machine.run() {
-            Some(run) => Err(busy(&run.run)),
-            None => Ok(()),
-        }
+        self.between_runs()
     }
 
     /// Whether another program has the hardware. The run itself takes it; asking first makes a
@@ -329,7 +325,7 @@ impl Service {
     }
 }
 
-fn busy(run: &RunId) -> Refusal {
+pub(super) fn busy(run: &RunId) -> Refusal {
     Refusal::new(Kind::Busy, format!("the run `{run}` is going on"))
         .hint("stop it first, or wait until it is over")
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{Cast, ReplayError, count};
+use super::{Cast, ReplayError};
 use crate::behavior::Demands;
 use crate::mapping::Pose;
 use crate::recording::{
@@ -85,14 +85,14 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
             tick_side.variables(senses.tick, time_ns, values);
         }
         remade.ticks += 1;
-        remade.points += count(&step.placed);
+        remade.points += step.placed.len() as u64;
         remade.travelled_m = step.estimate.travelled_m;
         remade.end = step.estimate.pose;
     }
     let stop = StopReason::Replayed.with(format!("with {}", config.name));
     let truth = run.ending.as_ref().and_then(|ending| ending.truth);
     let points = cast.pilot.finish();
-    remade.points += count(&points);
+    remade.points += points.len() as u64;
     tick_side.keyframes(time_ns, cast.pilot.keyframes());
     let end = End { stop, time_ns, truth, points, map: Some(Grid::from(cast.pilot.map().grid())) };
     recorder.finish(tick_side, end)?;

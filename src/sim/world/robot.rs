@@ -352,16 +352,12 @@ fn colour_places(section: &Section<'_>, mut places: [[f64; 2]; 4]) -> [[f64; 2];
 fn plug(section: &Section<'_>, mut plug: Plug) -> Plug {
     section.allow(&[EV3.outputs, EV3.inputs].concat());
     for (name, slot) in EV3.outputs.iter().zip(&mut plug.motors) {
-        if let Some(kind) = section.get(name).and_then(|item| item.word(&MOTORS)) {
-            *slot = kind;
-        }
+        *slot = section.get(name).and_then(|item| item.word(&MOTORS)).unwrap_or(*slot);
     }
     let kinds = MODELS.iter().map(|model| (model.word, Some(model.kind)));
     let sensors: Vec<_> = std::iter::once(("none", None)).chain(kinds).collect();
     for (name, slot) in EV3.inputs.iter().zip(&mut plug.sensors) {
-        if let Some(kind) = section.get(name).and_then(|item| item.word(&sensors)) {
-            *slot = kind;
-        }
+        *slot = section.get(name).and_then(|item| item.word(&sensors)).unwrap_or(*slot);
     }
     plug
 }

@@ -108,9 +108,8 @@ fn tick_by_tick(
         looks_ns[2] = used_ns()?;
         robot.act(&demands, senses.time_ns);
         looks_ns[3] = used_ns()?;
-        let range_is_new = step.estimate.sounding.is_some_and(|sounding| sounding.fresh);
         let (estimate, placed) = (step.estimate, step.placed);
-        record.tick(&TickRecord { senses, estimate, placed, range_is_new, lateness_ns: 0 });
+        record.tick(&TickRecord { senses, estimate, placed, lateness_ns: 0 });
         looks_ns[4] = used_ns()?;
         for (spent_ns, looks_ns) in spent_ns.iter_mut().zip(looks_ns.windows(2)) {
             *spent_ns += looks_ns[1] - looks_ns[0];

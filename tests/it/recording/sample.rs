@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use onbrick::behavior::{MachineState, Since, Taken};
 use onbrick::ev3dev::{EV3, Technology};
-use onbrick::mapping::{Estimate, MapPoint, Pose, Range, RangeMount};
+use onbrick::mapping::{Estimate, MapPoint, Pose, Range, RangeMount, Sounding};
 use onbrick::recording::{
     End, Grid, Info, Level, MachineNames, Options, Pace, Recorder, Sink, Start, StateNames,
     TickRecord, TickSide,
@@ -131,11 +131,12 @@ pub(crate) fn tick(number: u64) -> TickRecord {
         covariance: [1e-4, 2e-5, 3e-6, 4e-4, 5e-6, 6e-3],
         travelled_m: 0.05 * seconds,
         range: Some(range),
+        sounding: Some(Sounding { fresh: number.is_multiple_of(5), ..Sounding::default() }),
         ..Estimate::default()
     };
     let on_time_ns = i64::try_from(number % 50).unwrap() * 1000;
     let lateness_ns = if number % 50 == 3 { PERIOD_NS + 1 } else { on_time_ns };
-    TickRecord { senses, estimate, placed, range_is_new: number.is_multiple_of(5), lateness_ns }
+    TickRecord { senses, estimate, placed, lateness_ns }
 }
 
 /// From a pose to the wall of a square from (−1, −1) to (1, 1).

@@ -22,7 +22,7 @@ fn every_message_says_what_is_wrong_in_one_style() {
         Box::new(NoAnswer::Stopped),
         Box::new(NoAnswer::Declined),
         Box::new(NoAnswer::Unclear),
-        Box::new(SetupError::TooFewMotors { found: "one is".to_owned() }),
+        Box::new(SetupError::TooFewMotors { found: "one is" }),
         Box::new(SetupError::NoWheel("left")),
         Box::new(SetupError::Stopped),
         Box::new(CalibrateError::NotReady(NotReady::Battery {
