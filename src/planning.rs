@@ -23,7 +23,8 @@
 //! believed half as much ([`Request::again`]). What was not heard from near then stands no more,
 //! and the robot goes there and looks. What has stopped it is forgotten, and what was heard where
 //! it once stood: so it gets out of where it came in. After a second such request what was heard
-//! from near stands no more, either, if it was not heard again since.
+//! from near stands no more, either, if it was not heard again since, and points of the map make a
+//! wall known only where one still stands.
 //!
 //! *Known*: free by the grid, or the robot stood there. *Drivable*: known, nothing solid within the
 //! distance to keep, nothing unknown beside it; or its middle was there, and nothing solid is
@@ -354,6 +355,7 @@ impl Planner {
     }
 
     fn begin(&mut self, request: Request, pose: &Pose) {
+        let doubts_more = request.again && self.has_doubted;
         if request.again {
             self.has_doubted = true;
             self.obstacles.clear();
@@ -377,6 +379,9 @@ impl Planner {
             self.survey.tried.clear();
             self.survey.doubt();
             self.points.doubt(&self.survey);
+        }
+        if doubts_more {
+            self.survey.doubt_points();
         }
         self.target = match request.goal {
             Goal::Frontier { .. } => None,

@@ -232,6 +232,15 @@ impl Survey {
         }
     }
 
+    /// Where no wall stands any more, the map's points do not make it known.
+    pub(super) fn doubt_points(&mut self) {
+        for row in 0..signed(self.rows) {
+            let walls = [row - 1, row, row + 1].map(|row| self.walls.row(row));
+            let near = widened(walls.into_iter().fold(Row::default(), either));
+            self.pointed.set_row(row, both(self.pointed.row(row), near));
+        }
+    }
+
     /// Something that is not heard is at a place.
     pub(super) fn block(&mut self, middle: Place) {
         for place in middle.square(1) {

@@ -298,8 +298,11 @@ fn a_passage_that_echoes_have_closed_is_doubted_and_one_heard_from_near_only_onc
         assert_eq!(drawn.plan(&to_place(1, [10, 0])).0.outcome, Outcome::Near, "{range_m}");
         let again = Request { again: true, ..to_place(2, [10, 0]) };
         assert_eq!(drawn.plan(&again).0.outcome, then, "{range_m}");
+        let passage = drawn.planner.survey.place(-0.02, 0.02).unwrap();
+        assert!(drawn.planner.survey.pointed.has(passage), "points stand in it");
         let once_more = Request { serial: 3, ..again };
         assert_eq!(drawn.plan(&once_more).0.outcome, Outcome::Way, "{range_m}");
+        assert!(!drawn.planner.survey.pointed.has(passage), "and make nothing known any more");
     }
 }
 

@@ -10,15 +10,23 @@ use std::f64::consts::PI;
 use super::tick::Tick;
 use super::{Goal, NavigationState, Phase, SAME_PLACE_M};
 use crate::behavior::motion::{self, MotionState};
+use crate::clock::SECOND_NS;
 use crate::planning::{Outcome, Request};
 use crate::units::wrap_rad;
 
 /// What is further beside straight ahead is turned to before it is looked at.
 const FACE_RAD: f64 = 50.0 * (PI / 180.0);
 
-/// So often it doubts the map before it is done, for a place and exploring. Each time half as much
-/// speaks for walls: what closed a door falsely, though heard from near, has gone after two.
-const DOUBTS: [u8; 2] = [1, 2];
+/// So often it doubts the map before it is done. Each time half as much speaks for walls: what
+/// closed a door falsely, though heard from near, has gone after two.
+const DOUBTS: u8 = 2;
+/// So often where it explores and the run is younger than this, nanoseconds: a small room is done
+/// soon, and what its walls send back from the edges of the cone closes its door once more. By
+/// hand, three runs each in 12 rooms of one to two square metres with a door of 42 to 60 cm: 99 %
+/// of the wall is mapped, for 93, where four runs never left the room. In a closed room of a square
+/// metre exploring takes 200 s, for 100.
+const EARLY_DOUBTS: u8 = 6;
+const EARLY_NS: i64 = 240 * SECOND_NS;
 
 /// A place that cannot be reached is driven to straight from within this, metres.
 const STRAIGHT_M: f64 = 0.30;
@@ -97,7 +105,9 @@ impl NavigationState {
             }
         }
         self.empty = self.empty.saturating_add(1);
-        let most = DOUBTS[usize::from(matches!(tick.order.goal, Goal::Explore { .. }))];
+        let explores = matches!(tick.order.goal, Goal::Explore { .. });
+        let is_early = explores && tick.signals.time_ns() < EARLY_NS;
+        let most = if is_early { EARLY_DOUBTS } else { DOUBTS };
         if self.empty == 1 {
             self.look_round(tick, motion, PI);
         } else if !self.is_tight {
