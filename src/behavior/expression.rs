@@ -399,6 +399,17 @@ impl Infix {
 }
 
 impl Comparison {
+    /// The same with its operands exchanged.
+    fn exchanged(self) -> Self {
+        match self {
+            Self::Less => Self::Greater,
+            Self::LessOrEqual => Self::GreaterOrEqual,
+            Self::Greater => Self::Less,
+            Self::GreaterOrEqual => Self::LessOrEqual,
+            Self::Equal | Self::NotEqual => self,
+        }
+    }
+
     #[expect(clippy::float_cmp, reason = "the language's own equality, documented as IEEE 754's")]
     fn of(self, left: f64, right: f64) -> bool {
         match self {

@@ -70,22 +70,31 @@ impl Beyond {
 }
 
 impl Expression {
-    /// Each signal that is compared with a number, and how.
+    /// Each signal that is compared with a number, and how: the signal stands first.
     fn comparisons(&self) -> impl Iterator<Item = (Op, Word, f64, Comparison)> {
         (0..self.ops.len()).filter_map(|at| compared(&self.ops[at..]))
     }
 
-    /// The first comparison of a signal with a number that it cannot be in a mission that lasts
-    /// `time_limit_s`.
+    /// A comparison of a signal with a number that it cannot be in a mission that lasts
+    /// `time_limit_s`: the first one that always holds, or never, as is asked; else the first.
     ///
     /// Places and ways have no bound that a robot could not pass, so nothing is said of them.
-    pub(in crate::behavior) fn beyond(&self, time_limit_s: f64) -> Option<Beyond> {
-        self.comparisons().find_map(|(op, signal, number, _)| {
-            let reach = if signal.is_time() { (0.0, time_limit_s) } else { signal.reach() };
-            let (least, most) = reach;
-            let beyond = || Beyond { name: self.name_of(op), signal, number, reach };
-            (number < least || number > most).then(beyond)
-        })
+    pub(in crate::behavior) fn beyond(
+        &self,
+        time_limit_s: f64,
+        holds: Option<bool>,
+    ) -> Option<Beyond> {
+        let found = || {
+            self.comparisons().filter_map(|(op, signal, number, comparison)| {
+                let reach = if signal.is_time() { (0.0, time_limit_s) } else { signal.reach() };
+                let (least, most) = reach;
+                let beyond = || Beyond { name: self.name_of(op), signal, number, reach };
+                let is_beyond = number < least || number > most;
+                is_beyond.then(|| (comparison.of(least, number), beyond()))
+            })
+        };
+        let asked = found().find(|(always, _)| Some(*always) == holds);
+        asked.or_else(|| found().next()).map(|(_, beyond)| beyond)
     }
 
     /// The first question whether something measured is exactly a number: what is wrong, and what
@@ -147,9 +156,11 @@ fn compared(ops: &[Op]) -> Option<(Op, Word, f64, Comparison)> {
     let (other, rest) = operand(rest)?;
     let Some(Op::Infix(Infix::Compare(comparison))) = rest.first() else { return None };
     match (one, other) {
-        (Operand::Signal(op, signal), Operand::Number(number))
-        | (Operand::Number(number), Operand::Signal(op, signal)) => {
+        (Operand::Signal(op, signal), Operand::Number(number)) => {
             Some((op, signal, number, *comparison))
+        }
+        (Operand::Number(number), Operand::Signal(op, signal)) => {
+            Some((op, signal, number, comparison.exchanged()))
         }
         _ => None,
     }

@@ -202,11 +202,13 @@ fn late<'c>(
         let earlier = before.iter().find(|(_, earlier)| claim.implies(earlier));
         let (error, warning) = (Severity::Error, Severity::Warning);
         let never = claim.is_never();
-        let beyond = next.when.beyond(time_limit_s).map(|beyond| beyond.why());
-        let why = |else_hint: &str| beyond.clone().unwrap_or_else(|| else_hint.to_owned());
+        let why = |holds: bool, else_hint: &str| {
+            let beyond = next.when.beyond(time_limit_s, Some(holds));
+            beyond.map_or_else(|| else_hint.to_owned(), |beyond| beyond.why())
+        };
         if never {
             root.note(place, error, "this condition can never hold")
-                .hint(why("look at its numbers, or take it out"));
+                .hint(why(false, "look at its numbers, or take it out"));
         } else if let Some((earlier, _)) = earlier {
             let other = earlier.when.text();
             let message =
@@ -214,7 +216,7 @@ fn late<'c>(
             root.note(place, error, message).hint("put the narrower condition first");
         } else if claim.is_always() && next.when.text() != "true" {
             root.note(place, warning, "this condition always holds")
-                .hint(why("write `true` if that is meant"));
+                .hint(why(true, "write `true` if that is meant"));
         }
         impossible.push(never || earlier.is_some());
         before.push(transition);
@@ -287,7 +289,8 @@ fn stands(root: &Section<'_>, plan: &MachinePlan) {
 /// to the final one, each in its machine or sub-machine.
 fn paths(root: &Section<'_>, draft: &Draft, impossible: &Impossible) {
     let plan = &draft.plan;
-    let (forward, backward) = ways(plan);
+    let blocked = ways_of_stalls(plan);
+    let (forward, backward) = ways(plan, &blocked);
     // No way leads into a sub-machine or out of it, so that all can be looked at together.
     let regions =
         || plan.states.iter().filter_map(|state| state.inner.as_ref()).chain([&plan.region]);
@@ -306,7 +309,8 @@ fn paths(root: &Section<'_>, draft: &Draft, impossible: &Impossible) {
         let own = state.next.iter().zip(impossible.states.get(index).into_iter().flatten());
         let always = impossible.always.get(&state.parent).into_iter().flatten();
         let mut leaves = region.always.iter().zip(always).chain(own);
-        let is_left = leaves.any(|(next, never)| next.go != at && !never);
+        let is_left = leaves.any(|(next, never)| next.go != at && !never)
+            || blocked.iter().any(|(from, to)| *from == index && *to != index);
         // A machine of one state does one thing until the mission ends, and a sub-machine without a
         // final state is left by the state that uses it.
         let may_stay = region.end == Some(at)
@@ -341,10 +345,32 @@ fn paths(root: &Section<'_>, draft: &Draft, impossible: &Impossible) {
     }
 }
 
+/// Where states lead whose wheels are blocked: from the one that is left, beside the other or
+/// around it. A motion over the map backs off by itself.
+fn ways_of_stalls(plan: &MachinePlan) -> Vec<(usize, usize)> {
+    let can_be_blocked = |at: u16| {
+        let drives = plan.chain(at).filter_map(|(_, state)| state.doing.drive.as_ref());
+        !matches!(drives.last(), None | Some(DrivePlan::Stop(_) | DrivePlan::Navigation { .. }))
+    };
+    let led = (0..).zip(plan.stalls()).filter(|(at, _)| can_be_blocked(*at));
+    let way = |(at, to): (u16, Option<u16>)| {
+        let (to, beside) = (to?, plan.state(to?)?.parent);
+        let (from, _) = plan.chain(at).find(|(_, state)| state.parent == beside)?;
+        Some((usize::from(from), usize::from(to)))
+    };
+    led.filter_map(way).collect()
+}
+
 /// Where each state leads, and from where each is come to.
-fn ways(plan: &MachinePlan) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
+fn ways(plan: &MachinePlan, more: &[(usize, usize)]) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
     let mut forward = vec![Vec::new(); plan.states.len()];
     let mut backward = forward.clone();
+    for (from, to) in more {
+        if let (Some(ways), Some(back)) = (forward.get_mut(*from), backward.get_mut(*to)) {
+            ways.push(*to);
+            back.push(*from);
+        }
+    }
     for (from, state) in plan.states.iter().enumerate() {
         let Some(region) = plan.around(state) else { continue };
         let is_end = region.end.is_some_and(|end| usize::from(end) == from);

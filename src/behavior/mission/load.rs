@@ -249,7 +249,7 @@ impl<'d> Reader<'_, 'd, '_> {
                     item.error(message).hint(hint);
                     return None;
                 }
-                if let Some(beyond) = expression.beyond(self.time_limit_s()) {
+                if let Some(beyond) = expression.beyond(self.time_limit_s(), None) {
                     let claims = Claims::of(&expression);
                     // One that never holds, or always does, is told as that.
                     if !claims.is_never() && !claims.is_always() {

@@ -176,14 +176,15 @@ impl MachinePlan {
         })
     }
 
-    /// A state and those it is inside, from the outermost.
-    fn chain(&self, state: u16) -> impl Iterator<Item = &StatePlan> {
-        let mut chain: ArrayVec<&StatePlan, LEVELS> = ArrayVec::new();
-        let mut at = self.state(state);
-        while let Some(state) = at
-            && chain.try_push(state).is_ok()
+    /// A state and those it is inside, from the outermost, each with its place.
+    pub(super) fn chain(&self, state: u16) -> impl Iterator<Item = (u16, &StatePlan)> {
+        let mut chain: ArrayVec<(u16, &StatePlan), LEVELS> = ArrayVec::new();
+        let placed = |at: u16| Some((at, self.state(at)?));
+        let mut at = placed(state);
+        while let Some(one) = at
+            && chain.try_push(one).is_ok()
         {
-            at = state.parent.and_then(|parent| self.state(parent));
+            at = one.1.parent.and_then(placed);
         }
         chain.into_iter().rev()
     }
@@ -200,14 +201,17 @@ impl MachinePlan {
     /// sub-machines in use names, else to the machine's.
     pub(super) fn stalls(&self) -> Vec<Option<u16>> {
         let named = |state: &StatePlan| self.around(state)?.on_stall;
-        (0..).zip(&self.states).map(|(at, _)| self.chain(at).filter_map(named).last()).collect()
+        (0..)
+            .zip(&self.states)
+            .map(|(at, _)| self.chain(at).filter_map(|(_, state)| named(state)).last())
+            .collect()
     }
 
     /// The transitions from a state, as
     /// [`Taken::transition`](crate::behavior::Taken::transition) counts them: from the outermost
     /// state that it is inside, each time those of all states first.
     pub fn transitions(&self, from: u16) -> impl Iterator<Item = &TransitionPlan> {
-        self.chain(from).flat_map(|state| {
+        self.chain(from).flat_map(|(_, state)| {
             let always = self.around(state).map(|region| region.always.iter());
             always.into_iter().flatten().chain(&state.next)
         })

@@ -384,7 +384,8 @@ fn cases() -> Vec<(&'static str, String)> {
             "conditions that never or always hold",
             next(
                 "{ when = \"range_m < 0\", go = \"b\" }, { when = \"heading_deg > 180 or colour == \
-                 8\", go = \"b\" }, { when = \"range_m >= 0\", go = \"b\" }",
+                 8\", go = \"b\" }, { when = \"range_m >= 0\", go = \"b\" }, { when = \"range_m \
+                 < 25 and 190 < heading_deg\", go = \"b\" }",
             ),
         ),
         (

@@ -148,6 +148,33 @@ fn a_stall_inside_a_sub_machine_leads_to_a_state_of_the_machine() {
 }
 
 #[test]
+fn a_state_whose_wheels_are_blocked_is_left_by_its_stall() {
+    const INNER: &str = "[submachine.s.state.x]\ndo = { turn_dps = 5 }\n";
+    let read = |what: &str| {
+        let text = format!(
+            "name = \"m\"\non_stall = \"off\"\n[machine.d]\nfinal = \"end\"\n\
+             [machine.d.state.ahead]\n{what}\n[machine.d.state.off]\ndo = {{ drive_m = -0.1 }}\n\
+             next = [{{ when = \"done\", go = \"end\" }}]\n[machine.d.state.end]\n\
+             {}",
+            if what.starts_with("use") { INNER } else { "" }
+        );
+        let read = Mission::parse("m.toml", text.as_bytes(), &Capabilities::all());
+        read.map(|(_, warnings)| assert!(warnings.is_empty(), "{warnings:?}"))
+            .map_err(|findings| findings.to_string())
+    };
+    for leaves in
+        ["do = { forward_mps = 0.15 }", "use = \"s\"", "do = { left_dps = 9, right_dps = 9 }"]
+    {
+        assert_eq!(read(leaves), Ok(()), "{leaves}");
+    }
+    for stays in ["do = { say = \"here\" }", "do = { goto = { x_m = 1, y_m = 0, keep_m = 0.15 } }"]
+    {
+        let error = read(stays).unwrap_err();
+        assert!(error.contains("`ahead` cannot be left, and it is not final"), "{stays}: {error}");
+    }
+}
+
+#[test]
 fn a_sub_machine_may_say_itself_where_a_stall_leads() {
     let hops = HOPS.replacen("final = \"over\"", "final = \"over\"\non_stall = \"rest\"", 1);
     let stalled = |mission: &str, times: &[i64]| {

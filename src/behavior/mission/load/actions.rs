@@ -180,9 +180,10 @@ impl<'d> Reader<'_, 'd, '_> {
         let Some((way_m, speed_m_s)) = way_m.zip(speed_m_s) else { return };
         let (speed_m_s, limit_s) = (speed_m_s.min(limits.max_m_s), self.time_limit_s());
         if way_m.abs() > speed_m_s * limit_s {
+            let digits = if speed_m_s < 0.01 { 4 } else { 2 };
             item.warning(format!("the robot does not come so far in the mission's {limit_s} s"))
                 .hint(format!(
-                    "it drives at {speed_m_s:.2} m/s; a way is in metres (40 cm are 0.4)"
+                    "it drives at {speed_m_s:.digits$} m/s; a way is in metres (40 cm are 0.4)"
                 ));
         }
     }
