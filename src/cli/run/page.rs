@@ -51,9 +51,11 @@ pub(super) fn run(port: u16, arguments: &Arguments, output: &mut Output) -> Resu
         &serde_json::json!({ "page": url }),
     );
     let mut result = shown(next, arguments, &board, &hand, output);
-    if matches!(&result, Err(failure) if failure.exit == Exit::Refused) {
+    // One that was stopped at the page while it got ready can be started again there.
+    if matches!(&result, Err(failure) if failure.exit == Exit::Refused) && !hand.was_used() {
         return result;
     }
+    tell(&result, &board);
     if !hand.is_over() && !hand.is_wanted() {
         output.line(format!("the page stays at {url} until Ctrl-C"));
     }
@@ -62,14 +64,19 @@ pub(super) fn run(port: u16, arguments: &Arguments, output: &mut Output) -> Resu
         let out = arguments.out.as_deref().map(next_to);
         result = prepare(arguments, out.as_deref(), output)
             .and_then(|next| shown(next, arguments, &board, &hand, output));
-        if let Err(failure) = &result {
-            log::error!("{}", failure.message);
-            if failure.exit == Exit::Refused {
-                board.refuse(&failure.to_text());
-            }
-        }
+        tell(&result, &board);
     }
     result
+}
+
+/// Says why a run did not come to its end.
+fn tell(result: &Result<(), Failure>, board: &Board) {
+    if let Err(failure) = result {
+        log::error!("{}", failure.message);
+        if failure.exit == Exit::Refused {
+            board.refuse(&failure.to_text());
+        }
+    }
 }
 
 /// Does one run, and shows it.
@@ -240,6 +247,11 @@ impl Hand {
     /// Ctrl-C.
     fn is_over(&self) -> bool {
         self.flags.signal.load(Ordering::Relaxed)
+    }
+
+    /// The page has asked for the end of this run.
+    fn was_used(&self) -> bool {
+        self.flags.page.load(Ordering::Relaxed)
     }
 
     /// Another run is wanted.

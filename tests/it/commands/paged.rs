@@ -178,6 +178,22 @@ fn a_page_changes_nothing_in_a_recording_and_starts_what_the_file_says_then() {
 }
 
 #[test]
+fn a_run_that_is_stopped_while_it_gets_ready_can_be_started_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = paged(folder.path(), &["map", "--sim", "arena", "--out", "out"]);
+    page.until_state(|state| state["run"]["phase"] == "preparing");
+    page.post("/wish", "stop");
+    let state = page.until_state(|state| state["run"]["phase"] == "refused");
+    let note = state["run"]["note"].as_str().unwrap();
+    assert!(note.contains("stopped on the page"), "{note}");
+    page.post("/wish", "again");
+    page.until_state(|state| state["run"]["phase"] == "preparing");
+    page.post("/wish", "again");
+    page.until_event("driving");
+    assert_eq!(page.interrupt(), None);
+}
+
+#[test]
 fn ctrl_c_ends_run_and_page() {
     let folder = tempfile::tempdir().unwrap();
     let page = paged(folder.path(), &["square", "--sim", "open", "--out", "out"]);
