@@ -22,7 +22,7 @@ pub(super) struct Arguments {
     what: What,
     /// Where to write it; without it, to the terminal.
     file: Option<PathBuf>,
-    /// For a mission, a sub-machine or a robot: start from a shipped one.
+    /// For a mission, a sub-machine, a robot or a world: start from a shipped one.
     #[arg(long, value_name = "NAME")]
     from: Option<String>,
 }
@@ -40,11 +40,16 @@ enum What {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    if arguments.from.is_some()
-        && !matches!(arguments.what, What::Mission | What::Submachine | What::Robot)
-    {
+    let is_one = match arguments.what {
+        What::Service => true,
+        #[cfg(feature = "host")]
+        What::Team => true,
+        _ => false,
+    };
+    if is_one && arguments.from.is_some() {
         return Err(Failure::usage(
-            "--from is for a mission, a sub-machine or a robot: of the others there is only one",
+            "--from is for a mission, a sub-machine, a robot or a world: of the others there is \
+             only one",
         ));
     }
     let text = match arguments.what {
@@ -56,7 +61,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         #[cfg(feature = "host")]
         What::Team => crate::link::team::TEMPLATE,
         #[cfg(feature = "sim")]
-        What::World => crate::sim::World::TEMPLATE,
+        What::World => match &arguments.from {
+            None => crate::sim::World::TEMPLATE,
+            Some(name) => start_from("world", &worlds(), name)?,
+        },
         What::Mission => match &arguments.from {
             None => shipped::TEMPLATE,
             Some(name) => start_from("mission", &shipped::MISSIONS.map(pair), name)?,
@@ -82,6 +90,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         .map_err(|error| Failure::failed(with_causes(&error)).hint(WRITABLE))?;
     output.wrote(path);
     Ok(())
+}
+
+#[cfg(feature = "sim")]
+fn worlds() -> Vec<(&'static str, &'static str)> {
+    use crate::sim::World;
+    World::names().filter_map(|name| Some((name, World::text(name)?))).collect()
 }
 
 fn pair(shipped: Shipped) -> (&'static str, &'static str) {

@@ -93,7 +93,7 @@ use crate::service::digest::hex;
 mod pc;
 mod window;
 
-pub use pc::{Introduced, names_a_port, pair};
+pub use pc::{Introduced, names_a_port, pair, pair_command};
 pub use window::PairingWindow;
 
 /// The port of the pairing window, where nothing else is said.

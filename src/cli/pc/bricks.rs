@@ -6,6 +6,7 @@ use crate::cli::{Context, Exit, Failure, Output};
 use crate::link::KnownBricks;
 use crate::link::client::PORT;
 use crate::link::discover::{Announced, discover};
+use crate::link::pairing::pair_command;
 
 /// List the bricks that this PC knows, and whether they answer; or those that announce themselves
 /// in this network.
@@ -75,7 +76,7 @@ fn heard(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
         let of_it = |part: &str| known.find(part).is_some();
         let is_known =
             of_it(&brick.name) || of_it(&address) || numbers.iter().any(|number| of_it(number));
-        let way_in = if is_known { "known".to_owned() } else { format!("onbrick pair {address}") };
+        let way_in = if is_known { "known".to_owned() } else { pair_command(&address) };
         output.show(
             format!("{}  {address}  {}  {way_in}", brick.name, numbers.join(" ")),
             &serde_json::json!({

@@ -14,6 +14,7 @@ use crate::cli::key::Folder;
 use crate::cli::{Exit, Failure, Output};
 use crate::document::nearest;
 use crate::link::client::PATIENCE_S;
+use crate::link::pairing::pair_command;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, KnownBricks, Patience, Team};
 use crate::printable::in_shell;
 use crate::protocol::{Kind, Refusal};
@@ -256,9 +257,10 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
         ClientError::NoAnswer { .. } => Failure::new(Exit::NoAnswer, message).hint(
             "is it switched on, in this network, and serving? onbrick bricks shows who is there",
         ),
-        ClientError::NotAuthorised { .. } => refused(&format!("onbrick pair {}", brick.address)),
+        ClientError::NotAuthorised { .. } => refused(&pair_command(&brick.address)),
         ClientError::AnotherKey { .. } => {
-            refused(&format!("onbrick pair {} again, if it was set up from scratch", brick.address))
+            let pair = pair_command(&brick.address);
+            refused(&format!("{pair} once more, if it was set up from scratch"))
         }
         ClientError::Refused(Refusal { hint: Some(hint), .. }) => refused(hint),
         ClientError::Refused(Refusal { kind: Kind::BrokenMission, .. }) => refused(

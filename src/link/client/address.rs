@@ -8,7 +8,7 @@ use std::process::Command;
 pub(in crate::link) struct Address {
     /// The name or number, without brackets.
     pub(in crate::link) host: String,
-    port: u16,
+    pub(in crate::link) port: u16,
 }
 
 impl Address {

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{Hex, PAIRING_PORT, Said, Side, Step, code, commitment, random, well_known_key};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
-use crate::link::client::{Address, ClientError, Patience, Session};
+use crate::link::client::{Address, ClientError, PORT, Patience, Session};
 use crate::link::keys::{KeyError, KeyPair, KnownBrick, KnownBricks, PublicKey};
 use crate::protocol::{Kind, Name, Refusal};
 
@@ -46,6 +46,17 @@ impl Introduced {
 #[must_use]
 pub fn names_a_port(host: &str) -> bool {
     Address::parse(host, PAIRING_PORT) == Address::parse(host, 0)
+}
+
+/// The command that introduces a PC to a brick whose link listens at this address. The port of its
+/// pairing is known to the brick alone.
+#[must_use]
+pub fn pair_command(address: &str) -> String {
+    let place = Address::parse(address, PORT);
+    match place.port {
+        PORT => format!("onbrick pair {}", place.host),
+        port => format!("onbrick pair {} --port {port}", place.host),
+    }
 }
 
 #[derive(Serialize)]

@@ -99,7 +99,8 @@ fn wrong_usage_ends_with_2_and_says_what_is_right() {
         (&["replay", "a.mcap", "--robot", "b.toml"], "--out"),
         (&["new", "rover"], "mission, submachine, robot, world, service"),
         (&["new", "mission", "--from", "mapp"], "did you mean `map`?"),
-        (&["new", "world", "--from", "map"], "for a mission, a sub-machine or a robot"),
+        (&["new", "team", "--from", "map"], "for a mission, a sub-machine, a robot or a world"),
+        (&["new", "world", "--from", "arean"], "did you mean `arena`"),
         (&["check"], "<MISSIONS>"),
     ] {
         let said = run(folder.path(), arguments).expect(2);
