@@ -40,10 +40,10 @@ impl Followed {
     /// The file is there and cannot be read.
     pub fn look(&mut self) -> io::Result<()> {
         // A download deletes its empty file when it fails; the next one makes another.
-        if self.file.as_ref().is_none_or(GrowingFile::is_unread) {
-            if let Some(file) = if_there(GrowingFile::open(&self.path))? {
-                self.file = Some(file);
-            }
+        if self.file.as_ref().is_none_or(GrowingFile::is_unread)
+            && let Some(file) = if_there(GrowingFile::open(&self.path))?
+        {
+            self.file = Some(file);
         }
         let Some(file) = &mut self.file else { return Ok(()) };
         let (heard, collected) = (&mut self.heard, &mut self.collected);
