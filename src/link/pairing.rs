@@ -226,6 +226,18 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_command_for_pairing_has_the_links_port_as_an_option() {
+        for (address, command) in [
+            ("ev3-blue.local", "onbrick pair ev3-blue.local"),
+            ("10.0.0.7:5670", "onbrick pair 10.0.0.7"),
+            ("10.0.0.7:6000", "onbrick pair 10.0.0.7 --port 6000"),
+            ("[::1]:6000", "onbrick pair ::1 --port 6000"),
+        ] {
+            assert_eq!(pair_command(address), command);
+        }
+    }
+
+    #[test]
     fn the_well_known_pair_is_one() {
         assert_eq!(PublicKey::parse(PUBLIC), Ok(well_known_key()));
         // The vector that another implementation is checked with.

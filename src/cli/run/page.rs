@@ -51,11 +51,13 @@ pub(super) fn run(port: u16, arguments: &Arguments, output: &mut Output) -> Resu
         &serde_json::json!({ "page": url }),
     );
     let mut result = shown(next, arguments, &board, &hand, output);
-    // One that was stopped at the page while it got ready can be started again there.
-    if matches!(&result, Err(failure) if failure.exit == Exit::Refused) && !hand.was_used() {
-        return result;
+    if matches!(&result, Err(failure) if failure.exit == Exit::Refused) {
+        // One that was stopped at the page while it got ready can be started again there.
+        if !hand.was_used() {
+            return result;
+        }
+        tell(&result, &board);
     }
-    tell(&result, &board);
     if !hand.is_over() && !hand.is_wanted() {
         output.line(format!("the page stays at {url} until Ctrl-C"));
     }
