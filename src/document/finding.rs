@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use serde::Serialize;
 
-use super::parts;
+use super::{parts, syntax};
 use crate::printable::{self, is_printable};
 
 /// How bad a finding is.
@@ -62,8 +62,7 @@ impl Finding {
             None => (file, start, place, text),
         };
         let end = text.floor_char_boundary(place.end.clamp(start, text.len()));
-        let line_start = text[..start].rfind('\n').map_or(0, |newline| newline + 1);
-        let line_end = text[start..].find('\n').map_or(text.len(), |newline| start + newline);
+        let Range { start: line_start, end: line_end } = syntax::line_of(text, start);
         let line = text[..start].matches('\n').count() + 1;
         let column = text[line_start..start].chars().count() + 1;
         let width = text[start..end.min(line_end).max(start)].chars().count().max(1);

@@ -36,9 +36,10 @@ struct Spot<'t> {
 }
 
 /// What people do, the surest first.
-const MISTAKES: [fn(&Spot<'_>) -> Option<Explained>; 12] = [
+const MISTAKES: [fn(&Spot<'_>) -> Option<Explained>; 13] = [
     curly_quotes,
     open_text,
+    foreign_letter,
     no_value,
     bare_point,
     bare_list,
@@ -101,7 +102,7 @@ fn code(line: &str) -> (String, Option<usize>) {
 }
 
 /// The bytes of the line that a byte is in.
-fn line_of(text: &str, at: usize) -> Range<usize> {
+pub(super) fn line_of(text: &str, at: usize) -> Range<usize> {
     let start = text[..at].rfind('\n').map_or(0, |newline| newline + 1);
     let end = text[at..].find('\n').map_or(text.len(), |newline| at + newline);
     start..end
@@ -163,6 +164,24 @@ fn curly_quotes(&Spot { text, ref line, ref code, .. }: &Spot<'_>) -> Option<Exp
 fn open_text(&Spot { ref line, open, .. }: &Spot<'_>) -> Option<Explained> {
     let start = line.start + open?;
     Some(Explained::new(start..line.end, "this text is not closed", "put a `\"` where it ends"))
+}
+
+/// A key with a letter beyond a to z: TOML takes those in quotes alone.
+fn foreign_letter(&Spot { at, ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
+    let in_key = |letter: char| letter.is_alphanumeric() || "_-".contains(letter);
+    let before = code.get(..at - line.start)?;
+    let start = before.trim_end_matches(in_key).len();
+    let behind = &code[start..];
+    let (key, rest) = behind.split_at(behind.find(|letter| !in_key(letter))?);
+    let is_header = code.trim_start().starts_with('[');
+    let is_key = is_header || rest.trim_start().starts_with('=');
+    (is_key && !key.is_ascii()).then(|| {
+        Explained::new(
+            line.start + start..line.start + start + key.len(),
+            "a key with a letter beyond a to z stands in quotes",
+            format!("write `\"{key}\"`"),
+        )
+    })
 }
 
 /// A key with nothing behind its `=`.
@@ -272,7 +291,7 @@ fn decimal_comma(Spot { line, code, .. }: &Spot<'_>) -> Option<Explained> {
             let is_number = between.is_some_and(|number| number.parse::<f64>().is_ok());
             (is_number && comma > 0 && is_digit(comma - 1) && is_digit(comma + 1)).then_some(comma)
         })?;
-    let start = code[..comma].rfind(|letter: char| !letter.is_ascii_digit()).map_or(0, |at| at + 1);
+    let start = code[..comma].trim_end_matches(|letter: char| letter.is_ascii_digit()).len();
     let length = code[comma + 1..].find(|letter: char| !letter.is_ascii_digit());
     let end = length.map_or(code.len(), |length| comma + 1 + length);
     Some(Explained::new(
@@ -405,6 +424,18 @@ mod tests {
     fn mistakes_of_beginners_are_named() {
         for (text, message, hint, place) in [
             (
+                "[machine.drive.state.vorwärts]\n",
+                "a key with a letter beyond a to z stands in quotes",
+                "write `\"vorwärts\"`",
+                "vorwärts]",
+            ),
+            (
+                "set = { x = 1, größe = 2 }\n",
+                "a key with a letter beyond a to z stands in quotes",
+                "write `\"größe\"`",
+                "größe = 2 }",
+            ),
+            (
                 "start = forward\n",
                 "a text belongs in quotes",
                 "write `start = \"forward\"`",
@@ -441,6 +472,7 @@ mod tests {
                 "0,25 }",
             ),
             ("rate = 0,5\n", "a decimal number has a point", "write `0.5`", "0,5"),
+            ("rate =\u{a0}0,5\n", "a decimal number has a point", "write `0.5`", "0,5"),
             (
                 "do = { goto = [1.0, -.5] }\n",
                 "a number has a digit on both sides of its point",
@@ -545,7 +577,7 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn any_text_is_read_or_explained(text in "[a-z=\\[\\]{}\"'#:,.0-9\\\\ \nä]{0,60}") {
+        fn any_text_is_read_or_explained(text in "[a-z=\\[\\]{}\"'#:,.0-9\\\\ \nä\u{a0}]{0,60}") {
             let document = Document::new("m.toml", text.as_bytes()).unwrap();
             if let Err(findings) = document.read(|_: &Section<'_>| Some(())) {
                 proptest::prop_assert!(!findings.to_string().is_empty());
