@@ -116,7 +116,7 @@ mod stop;
 mod tick;
 mod topic;
 mod walk;
-mod walls;
+pub(crate) mod walls;
 
 pub use about::{End, Ending, Info, MachineNames, Pace, Start, StateNames};
 pub use followed::Followed;

@@ -282,8 +282,7 @@ impl Encoder {
             vec![self.transform(time_ns, FRAME_ODOM, FRAME_BASE, body.position, body.orientation)];
         if let Some(range) = self.start.range {
             let head_rad = record.senses.get(Channel::Head).map_or(0.0, |head| head.value);
-            let (sin, cos) = libm::sincos(head_rad);
-            let place = Vector3 { x: range.ahead_m * cos, y: range.ahead_m * sin, z: 0.0 };
+            let place = Vector3 { x: range.ahead_m, y: range.left_m, z: 0.0 };
             let turned = Quaternion::of_yaw(head_rad);
             transforms.push(self.transform(time_ns, FRAME_BASE, FRAME_RANGE, place, turned));
         }
@@ -403,7 +402,6 @@ impl Encoder {
 
     fn flush_statistics(&mut self, time_ns: i64) -> Result<(), RecordError> {
         let mut window = std::mem::take(&mut self.window);
-        window.start_ns = time_ns;
         window.lateness_ns.sort_unstable();
         let Some(lateness_max_ns) = window.lateness_ns.last().copied() else { return Ok(()) };
         let statistics = message::TickStatistics {

@@ -48,8 +48,8 @@ pub(super) struct ColorRgba {
 
 /// `visualization_msgs/Marker`, of which its pictures and meshes are always empty here.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct Marker {
-    pub(super) header: Header,
+pub(crate) struct Marker {
+    pub(crate) header: Header,
     pub(super) ns: String,
     pub(super) id: i32,
     pub(super) r#type: i32,

@@ -20,6 +20,7 @@ use crate::recording::message::{
     Header, LogMessage, OccupancyGridMessage, Odometry, PointCloud2, PoseStamped, RangeMessage,
     TfMessage, decode, encode,
 };
+use crate::recording::walls::Marker;
 use crate::recording::{FRAME_MAP, Found, ReadError, Run, Topic, sealed, walk};
 
 /// A recording that becomes a part of the file.
@@ -220,6 +221,7 @@ impl Destination<'_> {
                 self.head(&mut map.header);
                 map.map_load_time = map.map_load_time.later(self.shift_ns);
             }),
+            Topic::Walls => change::<Marker>(data, |walls| self.head(&mut walls.header)),
             Topic::Truth => change::<PoseStamped>(data, |truth| self.head(&mut truth.header)),
             Topic::Log => {
                 change::<LogMessage>(data, |log| log.stamp = log.stamp.later(self.shift_ns))
@@ -259,5 +261,16 @@ mod tests {
         let names = ["Ada", "ada", "3 é", ""];
         assert_eq!(namespaces(&names), ["ada", "ada_2", "robot_3__", "robot_"]);
         assert_eq!(namespaces(&names[..1]), [""]);
+    }
+
+    #[test]
+    fn walls_are_put_on_the_common_clock() {
+        // All fields of a marker are zero, and its texts and lists are empty.
+        let zero = [&[0, 1, 0, 0][..], &[0; 400]].concat();
+        let marker = encode(&decode::<Marker>(&zero).unwrap()).unwrap();
+        let moved =
+            Destination { space: "ada", shift_ns: 7_000_000_002 }.put(Topic::Walls, &marker);
+        let header = decode::<Marker>(&moved).unwrap().header;
+        assert_eq!((header.stamp.sec, header.stamp.nanosec), (7, 2));
     }
 }

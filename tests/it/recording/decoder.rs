@@ -95,6 +95,10 @@ fn an_independent_decoder_reads_every_message_by_its_own_definition() {
     assert_eq!(transforms[1]["header"]["frame_id"], "base_link");
     assert_eq!(transforms[1]["child_frame_id"], "range_link");
     assert_eq!(transforms[1]["transform"]["translation"]["x"], 0.05);
+    // The head turns the sensor, and does not move it.
+    let turned = &topics["/tf"]["last"]["transforms"][1]["transform"];
+    assert_eq!(turned["translation"], serde_json::json!({ "x": 0.05, "y": 0.0, "z": 0.0 }));
+    assert!(turned["rotation"]["z"].as_f64().unwrap() > 0.2, "{turned}");
     assert_eq!(topics["/range"]["first"]["max_range"], 0.7_f32);
     assert_eq!(topics["/range"]["first"]["radiation_type"], 1);
     assert_eq!(topics["/points"]["first"]["fields"][3]["name"], "x_m");
