@@ -48,7 +48,7 @@ use stop::StopSwitch;
 use trouble::Troubles;
 
 pub use battery::{BatteryConfig, BatteryLimits};
-pub use bind::{BindError, PLUG_AGAIN, PLUG_IN};
+pub use bind::{BindError, NOT_TURNED, PLUG_AGAIN, PLUG_IN};
 pub use config::{
     DriveBase, HeadRole, MotorRole, NamedMotor, NamedSensor, RobotConfig, StopButton, WantedMotor,
 };

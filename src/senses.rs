@@ -25,6 +25,7 @@
 //! Nothing is read here (`robot`), and nothing is concluded (`mapping`). What is worked out from
 //! readings - heading, position, times - has its names in `behavior`.
 
+mod mount;
 mod readings;
 mod told;
 mod values;
@@ -33,6 +34,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+pub use mount::Mount;
 pub use readings::{Reading, Senses};
 pub use told::told;
 

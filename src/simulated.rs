@@ -13,9 +13,9 @@ use crate::document::Document;
 use crate::ev3dev::{EV3, PortAddress};
 use crate::mapping::Pose;
 use crate::recording::{Pace, STALL_NS};
-use crate::robot::{MotorRole, RobotConfig, StopButton};
+use crate::robot::{RobotConfig, StopButton};
 use crate::runtime::{Brick, Environment, Job, Refused, Source, Truth};
-use crate::senses::{Channel, Role};
+use crate::senses::{Channel, Mount, Role};
 use crate::sim::{Observer, Port, SensorKind, Simulation, WorldPhysics};
 use crate::units::wrap_rad;
 
@@ -39,7 +39,6 @@ fn body(robot: &RobotConfig) -> String {
         Port::named(port.short())
             .map_or_else(|| port.short().to_owned(), |port| port.as_str().to_owned())
     };
-    let wheel = |motor: &MotorRole| motor.port.as_ref().map(name);
     let [left, right] = [&robot.drive.left, &robot.drive.right];
     let mut text = format!(
         "\n# Built like the robot `{}`.\n[robot]\nwheel_circumference_m = {:?}\n\
@@ -50,22 +49,25 @@ fn body(robot: &RobotConfig) -> String {
         left.ratio < 0.0,
         right.ratio < 0.0,
     );
+    let mut mounts = String::new();
     let mut ports: BTreeMap<String, &str> =
         EV3.outputs.into_iter().chain(EV3.inputs).map(|port| (port.to_owned(), "none")).collect();
-    let mut plug = |port: Option<String>, others: &[&str], what: &'static str| -> Option<String> {
-        let is_free = |port: &&&str| ports.get(**port) == Some(&"none");
-        let port = port.or_else(|| others.iter().find(is_free).map(|port| (*port).to_owned()))?;
+    // What has no port of its own is on the first input that is free.
+    let mut plug = |port: Option<&PortAddress>, what: &'static str| -> Option<String> {
+        let is_free = |port: &&str| ports.get(*port) == Some(&"none");
+        let free = || EV3.inputs.into_iter().find(is_free).map(str::to_owned);
+        let port = port.map(name).or_else(free)?;
         ports.contains_key(&port).then(|| ports.insert(port.clone(), what))?;
         Some(port)
     };
-    for (key, motor, usual) in [("left", left, "outB"), ("right", right, "outD")] {
-        if let Some(port) = plug(wheel(motor), &[usual], "large") {
+    for (key, motor) in [("left", left), ("right", right)] {
+        if let Some(port) = plug(Some(&motor.port), "large") {
             text.push_str(&format!("{key} = \"{port}\"\n"));
         }
     }
     match &robot.head {
         Some(head) => {
-            if let Some(port) = plug(wheel(&head.motor), &EV3.outputs, "medium") {
+            if let Some(port) = plug(Some(&head.motor.port), "medium") {
                 let ratio = head.motor.ratio;
                 // Each number of teeth is at least 1.
                 let gear = if ratio.abs() < 1.0 {
@@ -82,7 +84,7 @@ fn body(robot: &RobotConfig) -> String {
         text.push_str(&format!("range_ahead_m = {:?}\n", range.ahead_m));
     }
     for named in &robot.motors {
-        plug(wheel(&named.motor), &EV3.outputs, "large");
+        plug(Some(&named.motor.port), "large");
     }
     for (role, port) in &robot.sensors {
         let measured = match role {
@@ -92,18 +94,22 @@ fn body(robot: &RobotConfig) -> String {
             role => role.quantities().next().map(|quantity| quantity.channel),
         };
         let Some(measured) = measured else { continue };
-        let port = port.as_ref().map(name);
         let infrared = robot.range.as_ref().is_some_and(|range| range.max_m < INFRARED_M);
-        plug(port, &EV3.inputs, kind(measured, infrared));
+        let mount = robot.mounts.get(role).map(Mount::to_toml).unwrap_or_default();
+        if let Some(port) = plug(port.as_ref(), kind(measured, infrared))
+            && !mount.is_empty()
+        {
+            mounts.push_str(&format!("[robot.sensors.{port}]\n{mount}"));
+        }
     }
     if let Some(StopButton::Touch(port)) = &robot.stop_button {
-        plug(Some(name(port)), &EV3.inputs, "touch");
+        plug(Some(port), "touch");
     }
     text.push_str("[robot.ports]\n");
     for (port, what) in ports {
         text.push_str(&format!("{port} = \"{what}\"\n"));
     }
-    text
+    text + &mounts
 }
 
 /// A range sensor that is to see no farther than this is the infrared one, metres.

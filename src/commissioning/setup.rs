@@ -23,7 +23,7 @@ use crate::ev3dev::{
     Class, DeviceError, FindError, Identity, Platform, StopAction, TachoMotor, Tree, devices,
 };
 use crate::mapping::{Geometry, RangeMount};
-use crate::robot::{LeasedMotor, RobotConfig, is_name, is_own_name};
+use crate::robot::{LeasedMotor, NOT_TURNED, RobotConfig, is_name, is_own_name};
 
 use super::dialogue::parsed;
 use super::{Dialogue, NoAnswer};
@@ -115,12 +115,17 @@ pub fn setup(
     dialogue: &mut dyn Dialogue,
 ) -> Result<String, SetupError> {
     let platform = Platform::of(tree);
-    let motors = motors(tree)?;
+    let (linear, motors): (Vec<_>, Vec<_>) =
+        motors(tree)?.into_iter().partition(Identity::is_linear);
     if !platform.detects {
         sensors::declare(tree, platform, clock, dialogue)?;
     }
     let sensors = devices(tree, Class::LegoSensor)?;
     introduce(dialogue, &motors, &sensors);
+    for Identity { address, driver, .. } in linear {
+        let short = address.short();
+        dialogue.say(&format!("  {short:<6} {driver}, a linear actuator: {NOT_TURNED}"));
+    }
     if motors.len() < 2 {
         let found = if motors.is_empty() { "none is" } else { "one is" };
         return Err(SetupError::TooFewMotors { found });
@@ -148,10 +153,9 @@ pub fn setup(
     Ok(text)
 }
 
-/// Motors that turn and say how far, large ones first: they are mostly the wheels.
+/// Motors that say how far they are, large ones first: they are mostly the wheels.
 fn motors(tree: &Arc<dyn Tree>) -> Result<Vec<Identity>, SetupError> {
     let mut motors = devices(tree, Class::TachoMotor)?;
-    motors.retain(|identity| !identity.name.starts_with("linear"));
     motors.sort_by_key(|identity| (!is_large(identity), identity.address.clone()));
     Ok(motors)
 }

@@ -50,6 +50,13 @@ impl Identity {
         Driver::parse(self.driver.as_bytes())
     }
 
+    /// Whether it is a linear actuator: the class of motors names those `linearN` and all others
+    /// `motorN` (`tacho_motor_class.c`).
+    #[must_use]
+    pub fn is_linear(&self) -> bool {
+        self.name.starts_with("linear")
+    }
+
     /// The folder of its attributes, below the tree's root.
     #[must_use]
     pub fn folder(&self) -> String {

@@ -89,7 +89,7 @@ fn entry(tree: &Arc<dyn Tree>, identity: Identity) -> Entry {
     };
     let readings = &mut entry.readings;
     let outcome = match identity.class {
-        Class::TachoMotor if identity.name.starts_with("linear") => {
+        Class::TachoMotor if identity.is_linear() => {
             LinearActuator::bind(tree, identity).and_then(|motor| position_motor(&motor, readings))
         }
         Class::TachoMotor => {

@@ -190,8 +190,19 @@ impl Platform {
         })
     }
 
+    /// Whether a board may have a port that is called so in one word. Those of stacked BrickPi3s
+    /// continue after `MD` and `S4`.
+    #[must_use]
+    pub fn may_have(port: &str) -> bool {
+        let is_stacked =
+            |first| port.strip_prefix(first).is_some_and(|it| matches!(it.len(), 1 | 2));
+        PLATFORMS.into_iter().any(|platform| platform.ports().any(|own| own == port))
+            || is_stacked('M')
+            || is_stacked('S')
+    }
+
     /// The names of its ports: inputs, then outputs.
-    pub fn ports(&self) -> impl Iterator<Item = &'static str> {
+    pub fn ports(&self) -> impl Iterator<Item = &'static str> + Clone {
         self.inputs.into_iter().chain(self.outputs)
     }
 }

@@ -17,6 +17,9 @@ use super::{Aspect, LeasedMotor, Robot, RobotConfig, RoleSensor, WantedMotor, bu
 pub const PLUG_IN: &str = "plug it in there and wait three seconds, or let onbrick setup write a \
                            robot.toml with what is plugged in";
 
+/// What is said of a linear actuator.
+pub const NOT_TURNED: &str = "missions turn motors by their angle, and leave it alone";
+
 /// What to do about a device that is there and does not answer.
 pub const PLUG_AGAIN: &str = "unplug it, plug it in again, and wait three seconds";
 
@@ -75,6 +78,9 @@ impl BindError {
     #[must_use]
     pub fn way_out(&self) -> Option<&'static str> {
         match self {
+            Self::Find { source: FindError::Other { found, .. }, .. } if found.is_linear() => {
+                Some(NOT_TURNED)
+            }
             Self::Find { source: FindError::Nothing { .. } | FindError::Other { .. }, .. } => {
                 Some(PLUG_IN)
             }
@@ -296,7 +302,7 @@ impl Binder {
         known: Option<&str>,
     ) -> Result<Option<LeasedMotor>, BindError> {
         let role = || wanted.section.clone();
-        let motor = TachoMotor::find(&self.tree, wanted.motor.port.as_ref(), None)
+        let motor = TachoMotor::at(&self.tree, &wanted.motor.port)
             .map_err(|source| BindError::Find { role: role(), source })?;
         if known == Some(motor.identity().name.as_str()) {
             return Ok(None);

@@ -15,11 +15,11 @@ pub use stop_button::StopButton;
 
 use super::battery::{BatteryConfig, battery};
 use crate::clock::SECOND_NS;
-use crate::document::{Document, Findings, Item, Kind, Section};
-use crate::ev3dev::{Driver, PortAddress};
+use crate::document::{Document, Findings, Item, Kind, Section, one_of};
+use crate::ev3dev::{Driver, EV3, NotAPort, Platform, PortAddress};
 use crate::mapping::{Geometry, RangeMount};
 use crate::printable::is_printable;
-use crate::senses::{Channel, Role};
+use crate::senses::{Channel, Mount, Role};
 use crate::units::radians;
 
 /// A robot as its file describes it.
@@ -39,6 +39,8 @@ pub struct RobotConfig {
     pub sensors: BTreeMap<Role, Option<PortAddress>>,
     /// The drivers of sensors, where the file says which of several a role has.
     pub drivers: BTreeMap<Role, Driver>,
+    /// Where the sensors are on the robot, for a simulated one.
+    pub mounts: BTreeMap<Role, Mount>,
     /// What stops a run besides the board's own buttons.
     pub stop_button: Option<StopButton>,
     /// What missions call the named sensors; at most [`RobotConfig::MAX_SENSORS`].
@@ -81,8 +83,8 @@ pub struct DriveBase {
 /// A motor that a role is bound to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotorRole {
-    /// Where it is plugged in; `None` where only one motor fits.
-    pub port: Option<PortAddress>,
+    /// Where it is plugged in.
+    pub port: PortAddress,
     /// Turns of the axle for one turn of the motor: negative where the gears or `inverted` turn it
     /// round.
     pub ratio: f64,
@@ -209,7 +211,7 @@ impl RobotConfig {
             Some(StopButton::Touch(port)) => Some(("stop_button".to_owned(), Some(port))),
             _ => None,
         };
-        let motors = self.motor_roles().map(|wanted| (wanted.section, wanted.motor.port.as_ref()));
+        let motors = self.motor_roles().map(|wanted| (wanted.section, Some(&wanted.motor.port)));
         motors.chain(sensors).chain(stop)
     }
 }
@@ -252,16 +254,18 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     let on_head = head.is_some();
     let (named_sensors, plugs): (Vec<_>, Vec<_>) = named_sensors?.into_iter().unzip();
     let plugs = sensors?.into_iter().chain((0..).map(Role::Sensor).zip(plugs));
-    let (sensors, drivers): (BTreeMap<_, _>, Vec<_>) = plugs
-        .map(|(role, Plug { port, driver })| ((role, port), driver.map(|driver| (role, driver))))
-        .unzip();
+    let (sensors, plugs): (BTreeMap<_, _>, Vec<_>) =
+        plugs.map(|(role, plug)| ((role, plug.port.clone()), (role, plug))).unzip();
+    let drivers = plugs.iter().filter_map(|(role, plug)| Some((*role, plug.driver?))).collect();
+    let mounts = plugs.iter().map(|(role, plug)| (*role, plug.mount)).collect();
     let config = RobotConfig {
         name: name?,
         max_age_ns: crate::clock::nanoseconds(max_age_s?),
         drive: drive?,
         head,
         sensors,
-        drivers: drivers.into_iter().flatten().collect(),
+        drivers,
+        mounts,
         stop_button: stop_button?,
         named_sensors,
         range: range.map(|range| RangeMount { on_head, ..range }),
@@ -334,7 +338,7 @@ fn drive(section: &Section<'_>) -> Option<DriveBase> {
 }
 
 fn motor_role(section: &Section<'_>) -> Option<MotorRole> {
-    let port = port(section);
+    let port = section.require("port").and_then(|item| address(&item));
     let inverted = section.value_or("inverted", false, |item| item.flag());
     let gear = section.value_or("gear", 1.0, |item| item.gear());
     let direction = if inverted? { -1.0 } else { 1.0 };
@@ -343,14 +347,20 @@ fn motor_role(section: &Section<'_>) -> Option<MotorRole> {
 
 #[expect(clippy::option_option, reason = "absent and wrong are different")]
 fn port(section: &Section<'_>) -> Option<Option<PortAddress>> {
-    let Some(item) = section.get("port") else { return Some(None) };
-    match item.text()?.parse() {
-        Ok(port) => Some(Some(port)),
-        Err(error) => {
-            item.error(format!("{error}")).hint("such as \"outA\", \"in1\" or \"spi0.1:MB\"");
-            None
-        }
+    section.get("port").map_or(Some(None), |item| address(&item).map(Some))
+}
+
+fn address(item: &Item<'_>) -> Option<PortAddress> {
+    let refused = |error: NotAPort| {
+        item.error(format!("{error}")).hint("such as \"outA\", \"in1\" or \"spi0.1:MB\"");
+    };
+    let port: PortAddress = item.text()?.parse().map_err(refused).ok()?;
+    if !port.as_str().contains(':') && !Platform::may_have(port.as_str()) {
+        item.error(format!("no board has a port `{port}`"))
+            .hint(one_of(port.as_str(), EV3.ports()));
+        return None;
     }
+    Some(port)
 }
 
 fn head(section: &Section<'_>) -> Option<HeadRole> {
@@ -374,10 +384,11 @@ fn head(section: &Section<'_>) -> Option<HeadRole> {
 const GYRO_WATCH_S: f64 = 5.2;
 const GYRO_WATCHES_S: RangeInclusive<f64> = GYRO_WATCH_S..=60.0;
 
-/// Where a sensor is plugged in, and its driver where the file says it.
+/// Where a sensor is plugged in and mounted, and its driver where the file says it.
 struct Plug {
     port: Option<PortAddress>,
     driver: Option<Driver>,
+    mount: Mount,
 }
 
 /// Reads where a sensor of a kind is plugged in.
@@ -385,7 +396,7 @@ fn plug(section: &Section<'_>, kind: Role) -> Option<Plug> {
     let words: Vec<(&str, Driver)> =
         kind.drivers().map(|driver| (driver.as_str(), driver)).collect();
     let driver = section.value_or("driver", None, |item| item.word(&words).map(Some));
-    Some(Plug { port: port(section)?, driver: driver? })
+    Some(Plug { port: port(section)?, driver: driver?, mount: Mount::read(section)? })
 }
 
 /// The sensors that the file has; `None` where one of them is wrong.
@@ -396,6 +407,9 @@ fn sensors(root: &Section<'_>) -> Option<BTreeMap<Role, Plug>> {
             match role {
                 Role::Range => {}
                 Role::Gyro => section.allow(&["port", "driver", "watch_s", "scale"]),
+                Role::Touch | Role::Colour => {
+                    section.allow(&[["port", "driver"], Mount::KEYS].concat());
+                }
                 _ => section.allow(&["port", "driver"]),
             }
             Some((role, plug(&section, role)?))
@@ -453,7 +467,7 @@ fn own_name(item: &Item<'_>, what: &str) -> Option<String> {
 /// A named sensor with its port.
 fn named_sensor(item: &Item<'_>) -> Option<(NamedSensor, Plug)> {
     let section = item.section()?;
-    section.allow(&["port", "driver", "measures"]);
+    section.allow(&[&["port", "driver", "measures"], Mount::KEYS.as_slice()].concat());
     let name = own_name(item, "sensor");
     let words: Vec<(&str, Channel)> =
         Channel::measurable().map(|quantity| (quantity.name, quantity.channel)).collect();
@@ -468,7 +482,10 @@ fn ports_are_taken_once(root: &Section<'_>, config: &RobotConfig) {
     let taken: Vec<_> = config.ports().collect();
     for (index, (role, port)) in taken.iter().enumerate() {
         let Some(port) = port else { continue };
-        if let Some((other, _)) = taken[..index].iter().find(|(_, other)| *other == Some(port)) {
+        let is_same = |other: &PortAddress| other.fits(port) || port.fits(other);
+        if let Some((other, _)) =
+            taken[..index].iter().find(|(_, other)| other.is_some_and(is_same))
+        {
             root.note(
                 place_of_port(root, role),
                 crate::document::Severity::Error,
@@ -543,6 +560,8 @@ mod tests {
             ("max_dps = 360", "max_dps = nan", "`drive.max_dps` is NaN"),
             ("max_dps = 360", "max_dps = -5", "it can be 1 to 15600"),
             ("port = \"in4\"", "port = \"in1\"", "`gyro` and `range` are both on in1"),
+            ("port = \"in4\"", "port = \"ev3-ports:in1\"", "both on ev3-ports:in1"),
+            ("{ port = \"outB\" }", "{ inverted = true }", "`drive.left.port` is missing"),
             ("port = \"in4\"", "port = \"out Z\"", "such as \"outA\""),
             ("port = \"in4\"", "port = \"in4\"\nwatch_s = 1", "it can be 5.2 to 60"),
             ("port = \"in4\"", "port = \"in4\"\nscale = 2", "it can be 0.8 to 1.25"),

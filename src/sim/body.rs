@@ -125,14 +125,16 @@ pub(in crate::sim) struct Body {
     pub(in crate::sim) turning_rad_s: f64,
     pub(in crate::sim) travelled_m: f64,
     pub(in crate::sim) touching: bool,
-    pub(in crate::sim) bumped: bool,
+    /// Ahead, left, behind, right.
+    pub(in crate::sim) bumped: [bool; 4],
     pub(in crate::sim) outline: Outline,
     /// By output port.
     pub(in crate::sim) motors: [Option<Motor>; 4],
     pub(in crate::sim) wheels: [Wheel; 2],
     /// The impulses of the wheels' grip, and of the tyres' hold sideways.
     grips: [f64; 3],
-    front_m: f64,
+    /// From the axle to where the corners begin: ahead, left, behind, right.
+    sides_m: [f64; 4],
     inverse_mass: f64,
     inverse_inertia: f64,
     half_track_m: f64,
@@ -156,12 +158,13 @@ impl Body {
             turning_rad_s: 0.0,
             travelled_m: 0.0,
             touching: false,
-            bumped: false,
+            bumped: [false; 4],
             outline: Outline::new(model),
             motors: motors(model),
             wheels,
             grips: [0.0; 3],
-            front_m: model.front_m - model.corner_m,
+            sides_m: [model.front_m, model.half_width_m, model.rear_m, model.half_width_m]
+                .map(|side_m| side_m - model.corner_m),
             inverse_mass: 1.0 / model.mass_kg,
             inverse_inertia: 1.0 / inertia,
             half_track_m: model.track_width_m / 2.0,
@@ -401,7 +404,7 @@ impl Solver {
     fn separate(&mut self, bodies: &mut [Body], step_s: f64) {
         for body in bodies.iter_mut() {
             body.touching = false;
-            body.bumped = false;
+            body.bumped = [false; 4];
         }
         for contact in &self.contacts {
             let left_m = contact.gap_m + closing(contact, bodies) * step_s;
@@ -419,10 +422,23 @@ impl Solver {
 }
 
 impl Body {
+    /// Where a place of the robot is, metres ahead of the axle and left of the middle.
+    pub(in crate::sim) fn place_of(&self, [ahead_m, left_m]: [f64; 2]) -> Point {
+        let ahead = direction(self.heading_rad);
+        self.place + ahead * ahead_m + perpendicular(ahead) * left_m
+    }
+
     fn note_touch(&mut self, lever: Point, pushed: f64) {
         if pushed > 0.0 {
             self.touching = true;
-            self.bumped |= lever.dot(&direction(self.heading_rad)) > self.front_m;
+            let ahead = direction(self.heading_rad);
+            let left = perpendicular(ahead);
+            let out_m = [ahead, left, -ahead, -left].map(|side| lever.dot(&side));
+            for (bumped, (out_m, side_m)) in
+                self.bumped.iter_mut().zip(out_m.iter().zip(self.sides_m))
+            {
+                *bumped |= *out_m > side_m;
+            }
         }
     }
 }

@@ -14,9 +14,10 @@
 use super::body::Body;
 use super::chance::Chance;
 use super::echo;
-use super::world::geometry::{Hit, Point, Segment, direction, nearer, perpendicular};
-use super::world::{RobotModel, World};
+use super::world::geometry::{Hit, Point, Segment, direction, nearer};
+use super::world::{OwnEcho, RobotModel, World};
 use crate::ev3dev::Colour;
+use crate::senses::Mount;
 use crate::units::{degrees, radians, rounded, wrap_rad};
 
 /// Furthest that the ultrasonic measures; also what it says without an echo.
@@ -29,6 +30,8 @@ const INFRARED_FAR_M: f64 = 0.7;
 const BEACON_FAR_M: f64 = 2.0;
 /// Half of the field in which the beacon is seen: 25 steps.
 const BEACON_HALF_RAD: f64 = 1.6;
+/// Where a colour sensor is, metres ahead of the axle and left of the middle.
+const COLOUR_AT_M: [f64; 2] = [0.07, 0.0];
 
 /// One robot as its sensors need it.
 #[derive(Debug)]
@@ -38,6 +41,8 @@ pub(in crate::sim) struct Scene<'s> {
     pub(in crate::sim) bodies: &'s [Body],
     pub(in crate::sim) robot: usize,
     pub(in crate::sim) head_rad: f64,
+    /// Where the sensor is.
+    pub(in crate::sim) mount: Mount,
     pub(in crate::sim) time_s: f64,
     /// What the room's differences between places are drawn from.
     pub(in crate::sim) seed: u64,
@@ -76,7 +81,8 @@ impl Scene<'_> {
     /// error.
     pub(in crate::sim) fn echo(&self) -> Option<f64> {
         let head_deg = degrees(wrap_rad(self.head_rad));
-        let own = self.model.own_echoes.iter().filter(|own| own.is_at(head_deg));
+        let is_heard = |own: &&OwnEcho| self.is_on_head() && own.is_at(head_deg);
+        let own = self.model.own_echoes.iter().filter(is_heard);
         own.map(|own| own.range_m).chain(echo::nearest(self)).reduce(f64::min)
     }
 
@@ -91,9 +97,9 @@ impl Scene<'_> {
         }
     }
 
-    /// Colour values in a mode, of the sensor on an input port.
-    pub(in crate::sim) fn colour(&self, input: usize, mode: &str, chance: &mut Chance) -> [i32; 8] {
-        let (colour, light) = self.spot(input);
+    /// Colour values in a mode.
+    pub(in crate::sim) fn colour(&self, mode: &str, chance: &mut Chance) -> [i32; 8] {
+        let (colour, light) = self.spot();
         let sd = self.model.errors.colour_sd_pct;
         let mut noisy = |pct: f64| (pct + sd * chance.normal()).clamp(0.0, 100.0);
         let [red, green, blue] = light.map(&mut noisy);
@@ -130,8 +136,25 @@ impl Scene<'_> {
     /// Where the range sensor is, and where it looks.
     pub(in crate::sim) fn range_sensor(&self) -> Option<(Point, f64)> {
         let body = self.body()?;
-        let origin = body.place + direction(body.heading_rad) * self.model.range_ahead_m;
-        Some((origin, body.heading_rad + self.head_rad))
+        let (place_m, turned_rad) = if self.is_on_head() {
+            ([self.model.range_ahead_m, 0.0], self.head_rad)
+        } else {
+            let Mount { at_m, facing_deg } = self.mount;
+            (at_m.unwrap_or_default(), radians(facing_deg.unwrap_or_default()))
+        };
+        Some((body.place_of(place_m), body.heading_rad + turned_rad))
+    }
+
+    fn is_on_head(&self) -> bool {
+        self.mount == Mount::default()
+    }
+
+    /// Whether a touch sensor is pressed.
+    pub(in crate::sim) fn is_pressed(&self) -> bool {
+        let quarters = rounded(self.mount.facing_deg.unwrap_or_default() / 90.0).rem_euclid(4);
+        let side = usize::try_from(quarters).ok();
+        let pressed = self.body().zip(side).and_then(|(body, side)| body.bumped.get(side));
+        pressed.copied().unwrap_or_default()
     }
 
     /// True where another robot stands in the half plane ahead with nothing between, within reach.
@@ -198,11 +221,9 @@ impl Scene<'_> {
     }
 
     /// The colour in the middle of the spot, and the light from all of it.
-    fn spot(&self, input: usize) -> (Colour, [f64; 3]) {
-        let place = self.body().zip(self.model.colour_at_m.get(input));
-        let Some((body, [ahead_m, left_m])) = place else { return (Colour::None, [0.0; 3]) };
-        let ahead = direction(body.heading_rad);
-        let centre = body.place + ahead * *ahead_m + perpendicular(ahead) * *left_m;
+    fn spot(&self) -> (Colour, [f64; 3]) {
+        let Some(body) = self.body() else { return (Colour::None, [0.0; 3]) };
+        let centre = body.place_of(self.mount.at_m.unwrap_or(COLOUR_AT_M));
         let middle = self.world.floor.at(centre);
         if self.world.floor.marks.is_empty() && self.world.floor.table.is_empty() {
             return (middle.colour, middle.reflects_pct);

@@ -28,6 +28,7 @@ use super::sensors::{Gyro, Scene, one};
 use super::world::geometry::{Point, Surfaces, direction};
 use super::world::{RobotModel, StartPose, World};
 use crate::clock::seconds;
+use crate::senses::Mount;
 use crate::threads::lock;
 use crate::units::radians;
 
@@ -187,7 +188,8 @@ impl WorldPhysics {
         let head_rad = self.rigs.get(robot)?.head_rad;
         let (world, bodies) = (&self.world, self.bodies.as_slice());
         let (time_s, seed) = (self.time_s(), self.seed);
-        Some(Scene { world, model: world.robot(), bodies, robot, head_rad, time_s, seed })
+        let (model, mount) = (world.robot(), Mount::default());
+        Some(Scene { world, model, bodies, robot, head_rad, mount, time_s, seed })
     }
 
     fn time_s(&self) -> f64 {
@@ -255,15 +257,16 @@ impl Physics for WorldPhysics {
         // Taken out and put back, because the scene looks at the whole of the physics.
         let mut chance = own.clone();
         let gyro = rig.gyro;
-        let Some(scene) = self.scene(robot) else { return [0; 8] };
+        let mount = self.world.robot().mounts.get(input).copied().unwrap_or_default();
+        let Some(scene) = self.scene(robot).map(|scene| Scene { mount, ..scene }) else {
+            return [0; 8];
+        };
         let values = match kind {
             Some(SensorKind::Ultrasonic) => scene.ultrasonic(mode, &mut chance),
             Some(SensorKind::Infrared) => scene.infrared(mode, &mut chance),
-            Some(SensorKind::Colour) => scene.colour(input, mode, &mut chance),
+            Some(SensorKind::Colour) => scene.colour(mode, &mut chance),
             Some(SensorKind::Gyro) => gyro.values(mode),
-            Some(SensorKind::Touch) => {
-                one(self.bodies.get(robot).is_some_and(|body| body.bumped).into())
-            }
+            Some(SensorKind::Touch) => one(scene.is_pressed().into()),
             None => [0; 8],
         };
         if let Some(own) = self.rigs.get_mut(robot).and_then(|rig| rig.sensor_chance.get_mut(input))

@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use nix::errno::Errno;
 use onbrick::robot::{DEFAULT_ROBOT, RobotConfig};
 use onbrick::runtime::{LockError, NotReady, Owner, StopReason};
+use onbrick::senses::Role;
 use onbrick::sim::World;
 
 use crate::bad_input::drivers::{causes, ready, shipped};
@@ -57,6 +58,8 @@ fn every_message_about_a_robot_is_as_a_person_read_it_last() {
         ("an infinite number", robot("max_dps = 360", "max_dps = inf")),
         ("a port that is none", robot("\"in4\"", "\"in 4\"")),
         ("a port that is a number", robot("\"in4\"", "4")),
+        ("a port that no board has", robot("\"outB\"", "\"B\"")),
+        ("a port of an EV3 that it does not have", robot("\"in4\"", "\"in5\"")),
         ("an empty port", robot("\"in4\"", "\"\"")),
         ("a gear without teeth", robot("[-12, 36]", "[0, 36]")),
         ("a cone wider than a head", robot("half_cone_deg = 14", "half_cone_deg = 90")),
@@ -192,8 +195,10 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         writeln!(out, "## {title}\n\n{message}\n").unwrap();
     }
     let mut anywhere = shipped();
-    anywhere.drive.left.port = None;
-    let message = ready(&shipped_brick().tree(), &anywhere).unwrap_err();
+    anywhere.sensors.insert(Role::Gyro, None);
+    let fake = shipped_brick();
+    fake.put(SENSORS[0], "driver_name", b"lego-ev3-gyro\n");
+    let message = ready(&fake.tree(), &anywhere).unwrap_err();
     writeln!(out, "## a role without a port, and several that fit\n\n{message}\n").unwrap();
     for (title, why) in [
         ("the robot is moved", NotReady::Moving(onbrick::senses::Channel::Left)),

@@ -25,7 +25,7 @@ use super::CalibrateError;
 use super::fit::{Kind, Measured, median, slope};
 use super::stage::{Ended, Stage};
 use super::straight::{self, FEWEST_ECHOES, NEAR_M, RANGE_NOISE_M};
-use super::turns::turn;
+use super::turns::{SPIN_RAD_S, turn};
 
 /// How far off anything else must be while own echoes are looked for, metres.
 const ROOM_M: f64 = 0.4;
@@ -39,8 +39,6 @@ const MOST_SHARE: f64 = 1.0 / 3.0;
 const STEP_DEG: f64 = 4.0;
 /// How often it looks round, a third of a turn from each other.
 const ROUNDS: usize = 3;
-/// How fast the robot turns between, radians per second.
-const SPIN_RAD_S: f64 = PI / 3.0;
 
 /// Drives back and forth before a wall whose distance a person has measured: bias and scale.
 pub(super) fn bias_and_scale(

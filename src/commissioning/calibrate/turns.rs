@@ -13,7 +13,7 @@ use super::{CalibrateError, CalibrateOptions, NoAnswer};
 
 /// How fast the robot spins, radians per second: far below the 440 degrees a second at which a gyro
 /// loses count.
-const SPIN_RAD_S: f64 = PI / 3.0;
+pub(super) const SPIN_RAD_S: f64 = PI / 3.0;
 
 /// How fast it creeps towards the mark: a person who is late by a fifth of a second is then 3
 /// degrees off, which the last step corrects.

@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
-use crate::ev3dev::{DeviceError, TachoMotor, Tree};
-use crate::robot::{MotorRole, PLUG_AGAIN, PLUG_IN, RobotConfig, RoleSensor, WantedMotor, equip};
+use crate::ev3dev::{DeviceError, FindError, TachoMotor, Tree};
+use crate::robot::{
+    MotorRole, NOT_TURNED, PLUG_AGAIN, PLUG_IN, RobotConfig, RoleSensor, WantedMotor, equip,
+};
 use crate::runtime::{GYRO_STILL_RAD, halt_command};
 use crate::senses::{Role, Unit};
 use crate::units::degrees;
@@ -58,9 +60,12 @@ pub(super) fn motors(examination: &mut Examination<'_>, report: &mut Report<'_>)
 }
 
 fn examine_motor(tree: &Arc<dyn Tree>, wanted: &MotorRole, report: &mut Report<'_>) {
-    let motor = match TachoMotor::find(tree, wanted.port.as_ref(), None) {
+    let motor = match TachoMotor::at(tree, &wanted.port) {
         Ok(motor) => motor,
-        Err(error) => return report.fail(with_causes(&error), PLUG_IN),
+        Err(error) => {
+            let is_linear = matches!(&error, FindError::Other { found, .. } if found.is_linear());
+            return report.fail(with_causes(&error), if is_linear { NOT_TURNED } else { PLUG_IN });
+        }
     };
     let identity = motor.identity();
     let what = format!("{} on {}", identity.driver, identity.address.short());

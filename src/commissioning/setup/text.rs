@@ -102,9 +102,8 @@ impl Draft {
             let wheels = [(&self.left, &config.drive.left), (&self.right, &config.drive.right)];
             let same_wheels = wheels.into_iter().all(|(mine, its)| {
                 let inverted = its.ratio < 0.0;
-                mine.as_ref().is_some_and(|mine| {
-                    Some(&mine.port) == port(&its.port).as_ref() && mine.inverted == inverted
-                })
+                mine.as_ref()
+                    .is_some_and(|mine| mine.port == its.port.short() && mine.inverted == inverted)
             });
             let same_sensors = self.sensors.iter().all(|(role, mine)| {
                 config.sensors.get(role).is_some_and(|its| port(its).as_ref() == Some(mine))
@@ -129,7 +128,7 @@ impl Draft {
 # The robot: what is plugged in where, and its measures. Written by `onbrick setup`;
 # `onbrick calibrate` measures it by driving, `onbrick doctor` checks it against what is plugged in.
 #
-# Every section but [drive] can be left out; a port can be left out where only one device fits.
+# Every section but [drive] can be left out, and a sensor's port where only one sensor fits.
 
 name = {}
 # max_age_s = 0.3\ta reading older than this is lost

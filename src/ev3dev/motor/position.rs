@@ -302,9 +302,8 @@ impl kind::Sealed for Rotary {
 }
 
 impl kind::Sealed for Linear {
-    // The class names linear motors `linearN` and all others `motorN` (`tacho_motor_class.c`).
     fn fits(identity: &Identity) -> bool {
-        identity.name.starts_with("linear")
+        identity.is_linear()
     }
 
     fn bind(tree: &Arc<dyn Tree>, identity: &Identity) -> Result<Self, DeviceError> {

@@ -38,9 +38,8 @@ pub(super) fn ioctl(file: &SimFile, command: u32, room: usize) -> Result<(i32, V
         0x06 => (true, text(name(device))),
         0x07 if device == Device::Buttons => (true, text("gpio-keys/input0")),
         0x07 | 0x08 => return Err(Errno::ENOENT),
-        0x09 | 0x19 | 0x1b => (true, set(&[], SMALL_BYTES)),
+        0x09 | 0x19..=0x1b => (true, set(&[], SMALL_BYTES)),
         0x18 => (true, set(&pressed(file, device), KEY_BYTES)),
-        0x1a => (true, set(&[], SMALL_BYTES)),
         // How many force feedback effects it plays: none.
         0x84 => (false, 0_i32.to_ne_bytes().to_vec()),
         // The kernel's clock for the events' times: they are the simulation's, whichever was

@@ -9,6 +9,7 @@
 
 use crate::document::{Item, Section};
 use crate::ev3dev::EV3;
+use crate::senses::Mount;
 use crate::sim::driver::sensor::MODELS;
 use crate::sim::echo::EchoModel;
 use crate::sim::physics::{MotorKind, Plug, SensorKind};
@@ -46,9 +47,8 @@ pub struct RobotModel {
     pub head_ratio: f64,
     /// Range sensor (ultrasonic or infrared) ahead of the axle, metres; it turns with the head.
     pub range_ahead_m: f64,
-    /// Where a colour sensor on each input port is, metres ahead of the axle and left of the
-    /// middle.
-    pub colour_at_m: [[f64; 2]; 4],
+    /// Where the sensor on each input port is.
+    pub mounts: [Mount; 4],
     /// What is plugged in.
     pub plug: Plug,
     /// How the ultrasonic hears.
@@ -96,7 +96,7 @@ impl Default for RobotModel {
             head: Some(0),
             head_ratio: -12.0 / 36.0,
             range_ahead_m: 0.0508,
-            colour_at_m: [[0.07, 0.0]; 4],
+            mounts: [Mount::default(); 4],
             plug: Plug {
                 motors: [
                     Some(MotorKind::Medium),
@@ -255,7 +255,7 @@ const OTHERS: [&str; 12] = [
     "head",
     "head_gear",
     "range_ahead_m",
-    "colour_at_m",
+    "sensors",
     "ports",
     "echo",
     "own_echoes",
@@ -291,8 +291,8 @@ impl RobotModel {
         model.head = head(section, model.head);
         model.head_ratio = gear.unwrap_or(model.head_ratio);
         model.range_ahead_m = number(section, "range_ahead_m", -1.0, 1.0, model.range_ahead_m);
-        if let Some(places) = section.section("colour_at_m") {
-            model.colour_at_m = colour_places(&places, model.colour_at_m);
+        if let Some(sensors) = section.section("sensors") {
+            model.mounts = mounts(&sensors);
         }
         if let Some(ports) = section.section("ports") {
             model.plug = plug(&ports, model.plug);
@@ -341,12 +341,16 @@ fn own_echoes(section: &Section<'_>) -> Vec<OwnEcho> {
     list.iter().filter_map(own).collect()
 }
 
-fn colour_places(section: &Section<'_>, mut places: [[f64; 2]; 4]) -> [[f64; 2]; 4] {
+fn mounts(section: &Section<'_>) -> [Mount; 4] {
     section.allow(&EV3.inputs);
-    for (name, place) in EV3.inputs.iter().zip(&mut places) {
-        *place = section.get(name).and_then(|item| item.numbers(-1.0..=1.0)).unwrap_or(*place);
-    }
-    places
+    EV3.inputs.map(|name| {
+        let sensor = section.section(name);
+        let read = |sensor: Section<'_>| {
+            sensor.allow(&Mount::KEYS);
+            Mount::read(&sensor)
+        };
+        sensor.and_then(read).unwrap_or_default()
+    })
 }
 
 fn plug(section: &Section<'_>, mut plug: Plug) -> Plug {

@@ -3,7 +3,7 @@
 
 use onbrick::behavior::{Capabilities, Mission};
 use onbrick::robot::{BindError, Robot, RobotConfig};
-use onbrick::runtime::StopReason;
+use onbrick::runtime::{Source, StopReason};
 use onbrick::senses::Channel;
 
 use super::{Played, ROBOT, job, play, robot};
@@ -157,12 +157,37 @@ fn one_sensor_is_not_given_two_roles() {
 }
 
 #[test]
+fn a_simulated_robot_has_its_sensors_where_its_file_says() {
+    let (wheels, _) = ROBOT.split_once("[head]").unwrap();
+    let robot = format!(
+        "{wheels}\n[touch]\nport = \"in3\"\n[sensor.rear]\nport = \"in2\"\nmeasures = \"touch\"\n\
+         facing_deg = 180\n[sensor.side]\nport = \"in1\"\nmeasures = \"range_m\"\n\
+         at_m = [0.0, 0.05]\nfacing_deg = 90\n"
+    );
+    let (config, _) = RobotConfig::load("robot.toml", robot.as_bytes()).unwrap();
+    let world = Source { name: "room".to_owned(), text: room("") };
+    let world = onbrick::simulated::furnished(world, &config).text;
+    let beside = "sensor.side > 1.85 and sensor.side < 2.05";
+    let mission = steps(&[
+        ("forward_mps = 0.25", &format!("touch and not sensor.rear and {beside}")),
+        ("forward_mps = -0.25", &format!("sensor.rear and not touch and {beside}")),
+        ("drive_m = 0.3", "done"),
+        ("turn_deg = -90", "done"),
+        // Too far for an echo, which is infinite.
+        (STILL, "sensor.side > 3"),
+    ]);
+    let mission = mission.replace("time_limit_s = 20", "time_limit_s = 60");
+    let played = play_mission(&mission, &robot, &world);
+    assert_eq!(played.ended.stop.reason, StopReason::Finished, "{}", played.ended);
+}
+
+#[test]
 fn two_sensors_of_a_kind_are_told_apart_by_their_names() {
     // A black patch that only the left eye comes over, and a bumper that nothing presses.
     let world = room(
         "[floor]\ncolour = \"white\"\n[[patch]]\npoints = [[0.3, 0], [1, 0], [1, 0.5], \
          [0.3, 0.5]]\ncolour = \"black\"\n[robot.ports]\nin1 = \"touch\"\nin2 = \"colour\"\n\
-         [robot]\nhead = \"none\"\n[robot.colour_at_m]\nin2 = [0.07, 0.03]\nin3 = [0.07, -0.03]\n",
+         [robot]\nhead = \"none\"\n[robot.sensors]\nin2.at_m = [0.07, 0.03]\nin3.at_m = [0.07, -0.03]\n",
     );
     let (wheels, _) = ROBOT.split_once("[head]").unwrap();
     let robot = format!(

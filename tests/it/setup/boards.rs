@@ -84,7 +84,7 @@ fn each_board_is_set_up_by_answers_and_doctor_finds_nothing_wrong_then() {
         let port = |role: Role| robot.sensors[&role].as_ref().unwrap().short().to_owned();
         let inputs = platform.inputs;
         assert_eq!([port(Role::Range), port(Role::Gyro)], [inputs[0], inputs[3]], "{name}");
-        assert_eq!(robot.drive.left.port.as_ref().unwrap().short(), platform.outputs[1], "{name}");
+        assert_eq!(robot.drive.left.port.short(), platform.outputs[1], "{name}");
         let stop = robot.stop_button.as_ref().map(|button| match button {
             StopButton::Touch(port) => port.short().to_owned(),
             StopButton::Device(device) => device.display().to_string(),

@@ -146,15 +146,15 @@ fn ports_and_directions_come_out_right_however_the_robot_is_built() {
         let port =
             |port: &Option<onbrick::ev3dev::PortAddress>| port.as_ref().map(ToString::to_string);
         assert_eq!(
-            (port(&robot.drive.left.port), port(&robot.drive.right.port)),
-            (Some(left.to_owned()), Some(right.to_owned()))
+            [robot.drive.left.port.to_string(), robot.drive.right.port.to_string()],
+            [left, right]
         );
         assert_eq!(
             (robot.drive.left.ratio < 0.0, robot.drive.right.ratio < 0.0),
             (left_inverted, right_inverted)
         );
         let found = robot.head.unwrap();
-        assert_eq!(port(&found.motor.port), Some(head.to_owned()));
+        assert_eq!(found.motor.port.to_string(), head);
         assert!((found.motor.ratio - bench.model.head_ratio).abs() < 1e-9, "{}", found.motor.ratio);
         assert_eq!(port(&robot.sensors[&Role::Gyro]), Some("in1".to_owned()));
         assert_eq!(port(&robot.sensors[&Role::Range]), Some("in2".to_owned()));
