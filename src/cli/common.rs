@@ -5,7 +5,6 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-#[cfg(feature = "sim")]
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 #[cfg(feature = "host")]
@@ -16,8 +15,9 @@ use crate::clock::wall_ns;
 #[cfg(feature = "sim")]
 use crate::document::save::{self, Readers};
 use crate::document::{Findings, one_of};
+use crate::mapping::Method;
 #[cfg(feature = "sim")]
-use crate::mapping::{Method, Pose};
+use crate::mapping::Pose;
 #[cfg(feature = "host")]
 use crate::page::PageError;
 use crate::printable::with_causes;
@@ -204,7 +204,6 @@ pub(super) fn pose(text: &str) -> Result<[f64; 3], String> {
 }
 
 /// Reads an estimator's method; shells complete its words.
-#[cfg(feature = "sim")]
 pub(super) fn method() -> impl TypedValueParser<Value = Method> {
     let words = Method::WORDS.map(|(word, _)| word);
     PossibleValuesParser::new(words).try_map(|word| word.parse::<Method>())

@@ -2,31 +2,37 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::ArgGroup;
 use serde::Serialize;
 
-use super::common::{WRITABLE, load_robot, must_be_new, open_run};
+use super::common::{WRITABLE, load_robot, method, must_be_new, open_run};
 use super::{Exit, Failure, Output};
+use crate::mapping::Method;
 use crate::runtime::{ReplayError, Replayed, replay, replay_with};
 use crate::units::counted;
 
 /// Run estimator and machines again on what a run recorded, and compare; or see what another
-/// robot.toml makes of it.
+/// robot.toml, or another way of estimating, makes of it.
 ///
 /// Examples:
 ///   onbrick replay onbrick-demo/run.mcap
 ///   onbrick replay onbrick-runs/*/run.mcap
 ///   onbrick replay run.mcap --robot wider.toml --out wider.mcap
+///   onbrick replay run.mcap --method odometry --out odometry.mcap
 #[derive(Debug, clap::Args)]
-#[command(verbatim_doc_comment)]
+#[command(verbatim_doc_comment, group(ArgGroup::new("other").multiple(true)))]
 pub(super) struct Arguments {
     /// The recordings; several are replayed one after the other.
     #[arg(required = true)]
     runs: Vec<PathBuf>,
     /// Another robot: the same senses make a new run, without a comparison.
-    #[arg(long, requires = "out")]
+    #[arg(long, requires = "out", group = "other")]
     robot: Option<PathBuf>,
+    /// Another way of estimating poses and placing points.
+    #[arg(long, value_parser = method(), requires = "out", group = "other")]
+    method: Option<Method>,
     /// Where the new run goes.
-    #[arg(long, requires = "robot")]
+    #[arg(long, requires = "other")]
     out: Option<PathBuf>,
 }
 
@@ -39,12 +45,11 @@ struct Named<'r> {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    match (arguments.runs.as_slice(), &arguments.robot, &arguments.out) {
-        ([run], Some(robot), Some(out)) => remake(run, robot, out, output),
-        (_, Some(_), Some(_)) => Err(Failure::usage("--robot and --out are for one recording")
-            .hint("once for each, with --out for each")),
-        ([run], ..) => again(run, false, output),
-        (several, ..) => {
+    match (arguments.runs.as_slice(), &arguments.out) {
+        ([run], Some(out)) => remake(run, arguments, out, output),
+        (_, Some(_)) => Err(Failure::usage("--out is for one recording").hint("once for each")),
+        ([run], None) => again(run, false, output),
+        (several, None) => {
             let failures: Vec<Failure> = several
                 .iter()
                 .filter_map(|run| again(run, true, output).err())
@@ -91,11 +96,17 @@ fn again(run: &Path, named: bool, output: &mut Output) -> Result<(), Failure> {
 }
 
 /// Makes another run from a run's senses.
-fn remake(run: &Path, robot: &Path, out: &Path, output: &mut Output) -> Result<(), Failure> {
+fn remake(
+    run: &Path,
+    arguments: &Arguments,
+    out: &Path,
+    output: &mut Output,
+) -> Result<(), Failure> {
     let recorded = open_run(run)?.run;
     must_be_new(out)?;
-    let robot = load_robot(Some(robot))?;
-    let made = replay_with(&recorded, &robot.source, out).map_err(|error| {
+    let robot = arguments.robot.as_deref().map(|robot| load_robot(Some(robot))).transpose()?;
+    let robot = robot.as_ref().map(|robot| &robot.source);
+    let made = replay_with(&recorded, robot, arguments.method, out).map_err(|error| {
         let failure = failure(&format!("cannot make {}", out.display()), &error);
         // A part of a run is none that was asked for, and would be in the way of the next try.
         let began = std::fs::remove_file(out).is_ok();

@@ -135,7 +135,7 @@ impl Timeline {
     /// [`ReplayError`]: the recording does not say with which robot or mission it was made, or
     /// these do not load any more.
     pub fn of_run(run: &Run) -> Result<Self, ReplayError> {
-        let mut again = Again::of(run, Cast::of(run, None)?);
+        let mut again = Again::of(run, Cast::of(run)?);
         let names = Names::of(&again.cast);
         let start_ns = again.cast.info.start_ns;
         let since_s = |time_ns: i64| seconds(time_ns.saturating_sub(start_ns));

@@ -8,7 +8,7 @@
 //! ([`Watch`](super::Watch)). A simulated brick lives inside control, and needs no guard. Each
 //! starter and the process that it started talk over two pipes, in lines of JSON:
 //!
-//! - its standard input: the [`Job`], then [`Order`]s as they come, and an empty line for each
+//! - its standard input: the [`Job`], then orders to stop ([`StopBy`]) as they come, and an empty line for each
 //!   event that the starter has dealt with; control's has an empty line each 20 ms or so instead,
 //!   the guard's heartbeat ([`Pulse`](super::Pulse)). When this pipe closes, the starter is gone;
 //!   when an event stays without an answer, it hangs. What happens then is
@@ -52,15 +52,8 @@ const LONGEST_JOB: u64 = 64 << 20;
 /// No order is longer, bytes.
 const LONGEST_ORDER: u64 = 4096;
 
-/// What may be asked of a run in progress.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Order {
-    /// Stop, on behalf of this requester.
-    Stop(StopBy),
-}
-
-/// On whose behalf a run is stopped: it becomes the reason for the run's end.
+/// On whose behalf a run is stopped, which is all that may be asked of one in progress: it becomes
+/// the reason for the run's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopBy {
@@ -302,7 +295,7 @@ impl Stopper {
     pub fn stop(&self, by: StopBy) -> io::Result<()> {
         let mut stopping = lock(&self.inner);
         let Some(pipe) = stopping.orders.as_mut() else { return Ok(()) };
-        let asked = pipe.write_all(&json_line(&Order::Stop(by))?);
+        let asked = pipe.write_all(&json_line(&by)?);
         if !std::mem::replace(&mut stopping.asked, true) {
             let stopper = self.clone();
             spawn("patience", move || stopper.force_later())?;
@@ -407,7 +400,7 @@ pub fn obey(
     let (flags, gone) = (flags.clone(), Arc::clone(gone));
     spawn("orders", move || {
         begin();
-        while let Some(Order::Stop(by)) = next_order(&mut orders, &flags.guard_beats) {
+        while let Some(by) = next_order(&mut orders, &flags.guard_beats) {
             flags.raise(by);
         }
         gone.store(true, Ordering::Relaxed);
@@ -417,7 +410,7 @@ pub fn obey(
 
 /// Waits for the starter's next order; `None` when the starter is gone. Beats are counted; what
 /// else is no order is passed over.
-fn next_order(orders: &mut impl BufRead, beats: &AtomicU32) -> Option<Order> {
+fn next_order(orders: &mut impl BufRead, beats: &AtomicU32) -> Option<StopBy> {
     let mut line = Vec::new();
     loop {
         line.clear();
@@ -438,12 +431,11 @@ mod tests {
 
     #[test]
     fn orders_are_lines_and_what_is_none_is_passed_over() {
-        let mut pipe: &[u8] =
-            b"{\"stop\":\"remote\"}\n\nnonsense\n{\"stop\":\"menu_closed\"}\n{\"stop\":\"term";
+        let mut pipe: &[u8] = b"\"remote\"\n\nnonsense\n\"menu_closed\"\n\"term";
         let beats = AtomicU32::new(0);
         let mut next = || next_order(&mut pipe, &beats);
-        assert_eq!(next(), Some(Order::Stop(StopBy::Remote)));
-        assert_eq!(next(), Some(Order::Stop(StopBy::MenuClosed)));
+        assert_eq!(next(), Some(StopBy::Remote));
+        assert_eq!(next(), Some(StopBy::MenuClosed));
         assert_eq!(next(), None, "a starter that died in the middle of a word");
         assert_eq!(beats.load(Ordering::Relaxed), 1, "the empty line");
     }

@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::behavior::{Demands, Mission, SetError, Taken};
 use crate::document::Findings;
-use crate::mapping::{Keyframe, MapPoint, OccupancyGrid, Pose, joint_grid};
+use crate::mapping::{Keyframe, MapPoint, Method, OccupancyGrid, Pose, joint_grid};
 use crate::robot::RobotConfig;
 use crate::senses::Senses;
 use crate::units::{bounds, counted};
@@ -111,14 +111,23 @@ pub struct Cast {
 }
 
 impl Cast {
-    /// The pilot that drove a run, or with `other` the one that would have driven it with another
-    /// robot.
+    /// The pilot that drove a run.
     ///
     /// # Errors
     ///
     /// [`ReplayError`].
-    pub fn of(run: &Run, other: Option<&RobotConfig>) -> Result<Self, ReplayError> {
-        let info = run.info.clone().ok_or(ReplayError::Beheaded("what run it is"))?;
+    pub fn of(run: &Run) -> Result<Self, ReplayError> {
+        Self::with(run, None, None)
+    }
+
+    /// The pilot that would have driven a run with another robot, or by another method.
+    fn with(
+        run: &Run,
+        other: Option<&RobotConfig>,
+        method: Option<Method>,
+    ) -> Result<Self, ReplayError> {
+        let mut info = run.info.clone().ok_or(ReplayError::Beheaded("what run it is"))?;
+        info.method = method.unwrap_or(info.method);
         let robot =
             run.robot_toml.as_ref().ok_or(ReplayError::Beheaded("with which robot it was made"))?;
         let mission =
@@ -147,7 +156,7 @@ impl Cast {
 ///
 /// [`ReplayError`] where the recording does not have what a replay needs; differences are no error.
 pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
-    let mut again = Again::of(run, Cast::of(run, None)?);
+    let mut again = Again::of(run, Cast::of(run)?);
     let recorded = Recorded::of(run);
     let mut replayed = Replayed::default();
     for senses in &run.senses {
@@ -258,7 +267,7 @@ pub fn joint_map(runs: &[(&Run, Pose)]) -> Result<Grid, (usize, ReplayError)> {
 ///
 /// - `grid`: another than the usual one.
 fn ended(run: &Run, grid: Option<OccupancyGrid>) -> Result<Pilot, ReplayError> {
-    let mut pilot = Cast::of(run, None)?.pilot;
+    let mut pilot = Cast::of(run)?.pilot;
     if let Some(grid) = grid {
         pilot = pilot.with_grid(grid);
     }

@@ -30,7 +30,7 @@ use crate::printable::json_line;
 use crate::robot::{brake_all, still};
 use crate::runtime::child::spawn_process;
 use crate::runtime::{
-    Brick, Event, HardwareLock, Job, Lines, Lock, Order, Refused, STOP_SIGNALS, StopBy, Watch,
+    Brick, Event, HardwareLock, Job, Lines, Lock, Refused, STOP_SIGNALS, StopBy, Watch,
     WhenAbandoned, never_wait, read_job,
 };
 
@@ -184,7 +184,7 @@ struct Guard {
     watch: Watch,
     starter: Starter,
     /// What control is still to be told should the starter go.
-    abandoned: Option<Order>,
+    abandoned: Option<StopBy>,
     signals: UnixStream,
     /// When control last heard a beat.
     beaten_ns: i64,
@@ -208,8 +208,7 @@ impl Guard {
             lines: Lines::default(),
             watch: Watch::new(job),
             starter,
-            abandoned: (job.when_abandoned == WhenAbandoned::Stop)
-                .then_some(Order::Stop(StopBy::Abandoned)),
+            abandoned: (job.when_abandoned == WhenAbandoned::Stop).then_some(StopBy::Abandoned),
             signals,
             beaten_ns: MonotonicClock.now_ns(),
             on_brick: matches!(&job.brick, Brick::Local(tree) if tree.is_machine()),
@@ -289,7 +288,7 @@ impl Guard {
             }
         }
         if self.signals.read(&mut [0; 16]).is_ok_and(|count| count > 0) {
-            self.order(Order::Stop(StopBy::Terminal));
+            self.order(StopBy::Terminal);
         }
         if !self.starter.gone {
             self.starter.read();
@@ -297,9 +296,9 @@ impl Guard {
         }
         self.starter.write();
         if self.starter.has_abandoned(now_ns)
-            && let Some(order) = self.abandoned.take()
+            && let Some(by) = self.abandoned.take()
         {
-            self.order(order);
+            self.order(by);
         }
         if now_ns - self.beaten_ns >= BEAT_NS {
             self.beaten_ns = now_ns;
@@ -311,14 +310,14 @@ impl Guard {
 
     fn pass_orders_on(&mut self) {
         while let Some(line) = self.starter.next_line() {
-            if let Ok(order) = serde_json::from_slice(&line) {
-                self.order(order);
+            if let Ok(by) = serde_json::from_slice(&line) {
+                self.order(by);
             }
         }
     }
 
-    fn order(&mut self, order: Order) {
-        if let Ok(line) = json_line(&order) {
+    fn order(&mut self, by: StopBy) {
+        if let Ok(line) = json_line(&by) {
             // A process that does not empty this pipe hears no order; one that drives is then hung,
             // and is found to be.
             let _ = self.orders.write_all(&line);

@@ -1,4 +1,5 @@
-//! A new run from another one's senses: what another robot would have made of them.
+//! A new run from another one's senses: what another robot, or another method, would have made of
+//! them.
 
 use std::fmt;
 use std::path::Path;
@@ -7,7 +8,7 @@ use serde::Serialize;
 
 use super::{Cast, ReplayError};
 use crate::behavior::Demands;
-use crate::mapping::Pose;
+use crate::mapping::{Method, Pose};
 use crate::recording::{
     self, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start, StopReason,
 };
@@ -45,16 +46,24 @@ impl fmt::Display for Remade {
     }
 }
 
-/// Replays a run's senses with another robot, and records the result to `file`.
+/// Replays a run's senses with another robot, or by another method, and records the result to
+/// `file`.
 ///
 /// The machines may decide otherwise than they did; the senses stay what they were.
 ///
 /// # Errors
 ///
 /// [`ReplayError`].
-pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, ReplayError> {
-    let (config, _) = robot.robot()?;
-    let mut cast = Cast::of(run, Some(&config))?;
+pub fn replay_with(
+    run: &Run,
+    robot: Option<&Source>,
+    method: Option<Method>,
+    file: &Path,
+) -> Result<Remade, ReplayError> {
+    let other = robot.map(Source::robot).transpose()?.map(|(config, _)| config);
+    let mut cast = Cast::with(run, other.as_ref(), method)?;
+    let config = other.unwrap_or_else(|| cast.robot.clone());
+    let text = robot.map_or(run.robot_toml.as_deref().unwrap_or_default(), |robot| &robot.text);
     let info = Info {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         brick: config.name.clone(),
@@ -63,7 +72,7 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
         ..cast.info.clone()
     };
     let mission = (&cast.mission, run.mission_toml.as_deref().unwrap_or_default());
-    let start = Start::of(info, (&config, &robot.text), mission, run.world_toml.clone());
+    let start = Start::of(info, (&config, text), mission, run.world_toml.clone());
     let sink = recording::create(file)
         .map_err(|source| RecordError { doing: "create the file", source })?;
     let (recorder, mut tick_side) =

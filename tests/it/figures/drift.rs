@@ -69,7 +69,7 @@ fn off_in_ten_minutes(world: (&str, &str), seed: u64, drift_dps: f64, from_s: f6
         Job { set, ..job("explore", &robot(), world, seed, file) }
     });
     let run = played.run();
-    let mut pilot = Cast::of(&run, None).unwrap().pilot;
+    let mut pilot = Cast::of(&run).unwrap().pilot;
     let mut demands = Demands::default();
     let [mut most_deg, mut last_deg]: [f64; 2] = [0.0; 2];
     for (tick, (senses, truth)) in run.senses.iter().zip(&played.truths).enumerate() {

@@ -150,7 +150,7 @@ fn another_robot_makes_another_path_of_the_same_ticks() {
     assert!(text != narrow && narrow != ROBOT, "the shipped robot has both lines");
     let robot = Source { name: "narrow.toml".to_owned(), text };
     let file = played.folder.path().join("again.mcap");
-    let remade = replay_with(&run, &robot, &file).unwrap();
+    let remade = replay_with(&run, Some(&robot), None, &file).unwrap();
     println!("as recorded {:?}; {remade}", run.poses.last().unwrap().pose);
     assert_eq!(remade.ticks, played.ended.ticks);
     let again = Run::open(&file).unwrap();
@@ -167,7 +167,7 @@ fn the_same_robot_makes_the_same_map_again() {
     let run = played.run();
     let robot = Source { name: "robot.toml".to_owned(), text: ROBOT.to_owned() };
     let file = played.folder.path().join("again.mcap");
-    replay_with(&run, &robot, &file).unwrap();
+    replay_with(&run, Some(&robot), None, &file).unwrap();
     let again = Run::open(&file).unwrap();
     assert!(!run.keyframes.is_empty(), "walls have moved the points of the map");
     assert_eq!(again.keyframes, run.keyframes);
