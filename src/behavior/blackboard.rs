@@ -146,26 +146,39 @@ impl Scope<'_> {
     /// One step of a controller: what it says to an error now.
     ///
     /// The rate is that of the error between two steps, and the sum grows by each step's error
-    /// times its seconds; both begin with the state.
-    pub(super) fn pid(self, slot: u32, error: f64, gains: [f64; 3]) -> f64 {
+    /// times its seconds; both begin with the state. An error that is infinite, as that of a range
+    /// without an echo, has neither, and the rate begins again after it.
+    ///
+    /// - `most`: the answer is kept within it to either side, and the sum does not grow while it
+    ///   holds the answer there (anti-windup by conditional integration; Åström and Hägglund,
+    ///   *PID Controllers*, 1995, section 3.5).
+    pub(super) fn pid(self, slot: u32, error: f64, gains: [f64; 3], most: f64) -> f64 {
         let slots = self.board.pids.get(self.machine);
         let slot = usize::try_from(slot).ok().and_then(|slot| slots?.get(slot));
         let Some(cell) = slot else { return f64::NAN };
         let now_ns = self.board.signals.time_ns();
         let PidState { mut sum, last } = cell.get();
+        let [kp, ki, kd] = gains;
+        // A gain of zero takes nothing of an infinite error.
+        let part = |gain: f64, of: f64| if gain == 0.0 { 0.0 } else { gain * of };
+        let answer = |sum: f64, rate: f64| part(kp, error) + part(ki, sum) + part(kd, rate);
         let mut rate = 0.0;
         if let Some((before, then_ns)) = last
             && now_ns > then_ns
+            && error.is_finite()
         {
             let step_s = seconds(now_ns.saturating_sub(then_ns)).min(LONGEST_STEP_S);
             rate = (error - before) / step_s;
-            sum += error * step_s;
+            let grown = sum + error * step_s;
+            let winds_up =
+                answer(grown, rate).abs() > most && ki * error * answer(grown, rate) > 0.0;
+            if !winds_up {
+                sum = grown;
+            }
         }
-        if error.is_finite() {
-            cell.set(PidState { sum, last: Some((error, now_ns)) });
-        }
-        let [kp, ki, kd] = gains;
-        kp * error + ki * sum + kd * rate
+        cell.set(PidState { sum, last: error.is_finite().then_some((error, now_ns)) });
+        let answer = answer(sum, rate);
+        if answer.abs() > most { most.copysign(answer) } else { answer }
     }
 
     /// A number from 0 to below 1. It is drawn when the state is entered: until that is left the

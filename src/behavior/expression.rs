@@ -29,7 +29,7 @@
 //! | `distance_m(x, y)` | how far the robot is from that place |
 //! | `bearing_deg(x, y)` | how far to the left of straight ahead that place is, -180 to 180 |
 //! | `random(a, b)` | a number between the two, drawn when the state is entered |
-//! | `pid(error, kp, ki, kd)` | a controller's answer: `kp` times the error, `ki` times its sum over the seconds in this state, `kd` times its change a second; in `do` alone |
+//! | `pid(error, kp, ki, kd, most)` | a controller's answer: `kp` times the error, `ki` times its sum over the seconds in this state, `kd` times its change a second, kept within `-most` and `most`, where the sum does not grow; `most` can be left out; in `do` alone |
 //!
 //! Arithmetic is that of IEEE 754: dividing by zero gives an infinity or NaN, and a comparison with
 //! NaN is false (`!=` is true). A lost signal makes what depends on it unknown, by Kleene's logic:
@@ -292,6 +292,14 @@ impl Expression {
         }
         let board = Blackboard::default();
         self.evaluate(Scope { board: &board, machine: 0, since: &Since::default() })
+    }
+
+    /// What a value of it is called, where it is a signal alone whose values have names, as colours
+    /// have.
+    pub(super) fn called(&self, value: f64) -> Option<&'static str> {
+        let [only] = &*self.ops else { return None };
+        let mut values = only.word()?.channel?.quantity().values();
+        values.find(|(_, known)| (known - value).abs() < 0.5).map(|(name, _)| name)
     }
 
     /// What its signals take of what a robot senses.

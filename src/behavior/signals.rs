@@ -139,8 +139,11 @@ impl Signals {
 /// True for what a sensor can say is too far to be measured.
 fn may_be_infinite(signal: Signal) -> bool {
     let Signal::Sensed(channel) = signal else { return false };
-    let mut sources = channel.quantity().sources.iter();
-    sources.any(|source| source.nothing.is_some_and(|nothing| nothing.means.is_infinite()))
+    let quantity = channel.quantity();
+    let mut sources = quantity.sources.iter();
+    // What a named sensor measures is the robot's; that it may say so was seen when it was read.
+    matches!(quantity.role, Role::Sensor(_))
+        || sources.any(|source| source.nothing.is_some_and(|nothing| nothing.means.is_infinite()))
 }
 
 /// What a robot has, as far as a mission can ask for it.
@@ -148,9 +151,9 @@ fn may_be_infinite(signal: Signal) -> bool {
 pub struct Capabilities {
     /// Its head and sensors; what every robot has need not be among them.
     pub roles: BTreeSet<Role>,
-    /// The named motors, at most [`super::MAX_MOTORS`]; `None` where the robot is not known and any
-    /// name will do.
-    pub motors: Option<Vec<String>>,
+    /// The named motors and how fast each may turn, radians per second, at most
+    /// [`super::MAX_MOTORS`]; `None` where the robot is not known and any name will do.
+    pub motors: Option<Vec<(String, f64)>>,
     /// The named sensors and what each measures, at most [`super::MAX_SENSORS`]; `None` as for the
     /// motors.
     pub sensors: Option<Vec<(String, Channel)>>,
@@ -390,6 +393,7 @@ mod tests {
     fn only_what_a_sensor_says_is_out_of_reach_may_be_infinite() {
         let may =
             Channel::ALL.into_iter().filter(|channel| may_be_infinite(Signal::Sensed(*channel)));
-        assert_eq!(may.collect::<Vec<_>>(), [Channel::Range, Channel::BeaconDistance]);
+        let ranges = [Channel::Range, Channel::BeaconDistance].into_iter();
+        assert_eq!(may.collect::<Vec<_>>(), ranges.chain(Channel::SENSORS).collect::<Vec<_>>());
     }
 }

@@ -40,6 +40,31 @@ pub fn joined(text: &str, mut find: impl FnMut(&str) -> Option<String>) -> Strin
     joined
 }
 
+/// A mission that uses each sub-machine of a text, so that they can be checked; `None` for a text
+/// that has anything else.
+///
+/// - `file`: the name of the text's file, for what is found in it.
+#[must_use]
+pub fn using(text: &str, file: &str) -> Option<String> {
+    let document = Document::new("", text.as_bytes()).ok().filter(|_| is_part(text))?;
+    let names = |root: &Section<'_>| {
+        let all = root.items_of("submachine");
+        Some(all.iter().map(|item| item.key().to_owned()).collect::<Vec<_>>())
+    };
+    let (names, _) = document.read(names).ok()?;
+    let end = names.len();
+    let mut mission = format!("name = \"check\"\n[machine.uses]\nfinal = \"{end}\"\n");
+    for (at, name) in names.iter().enumerate() {
+        let (name, next) = (document::save::quoted(name), at + 1);
+        mission.push_str(&format!(
+            "[machine.uses.state.{at}]\nuse = {name}\n\
+             next = [{{ when = \"done or state_s > 1\", go = \"{next}\" }}]\n"
+        ));
+    }
+    mission.push_str(&format!("[machine.uses.state.{end}]\n"));
+    Some(document::append(&mission, file, text))
+}
+
 /// The sub-machines that are used and not defined.
 fn missing(text: &str) -> BTreeSet<String> {
     let Ok(document) = Document::new("", text.as_bytes()) else { return BTreeSet::new() };
@@ -112,6 +137,20 @@ mod tests {
         let names: Vec<&str> = states.iter().map(|state| state.name.as_str()).collect();
         assert_eq!(names, ["a", "a.x", "a.x.x", "a.x.y", "a.y", "end"]);
         assert_eq!(joined(&whole, |_| None), whole, "it is whole already");
+    }
+
+    #[test]
+    fn sub_machines_are_checked_by_a_mission_that_uses_them() {
+        let two = part("one", "do = { drive_m = 1 }") + &part("to-wall", "use = \"one\"");
+        load(&using(&two, "two.toml").unwrap()).unwrap();
+        let error =
+            load(&using(&two.replace("drive_m = 1", "drive_m = \"rangem\""), "two.toml").unwrap())
+                .unwrap_err();
+        assert!(error.contains("--> two.toml:5:"), "{error}");
+        assert_eq!(using("name = \"m\"\n[machine.m.state.a]\n", "m.toml"), None);
+        for shipped in shipped::SUBMACHINES {
+            load(&using(shipped.text, shipped.name).unwrap()).unwrap();
+        }
     }
 
     #[test]

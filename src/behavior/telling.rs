@@ -1,8 +1,8 @@
 //! What a mission tells people: a text with values in braces.
 //!
 //! `found {found} at {x_m:.2} m` shows the two values as they are at that moment, the second with
-//! two digits behind the point. Without such a number a whole value has none and any other two. A
-//! value that is not known is shown as `?`. `{{` and `}}` are braces.
+//! two digits behind the point. Without such a number a whole value has none and any other two, and
+//! a colour is its name. A value that is not known is shown as `?`. `{{` and `}}` are braces.
 //!
 //! # Not here
 //!
@@ -133,6 +133,9 @@ fn write_value(
         }
         (Some(number), Kind::Number) => number,
     };
+    if let (None, Some(name)) = (digits, value.called(number)) {
+        return shown.write_str(name);
+    }
     let is_whole = (libm::round(number) - number).abs() < 1e-9;
     let digits = digits.unwrap_or(if is_whole { 0 } else { 2 });
     // No minus before a number that is shown as 0.
@@ -146,11 +149,7 @@ fn write_value(
 }
 
 fn append(text: &mut ArrayString<SAY_BYTES>, more: &str) {
-    let mut end = more.len().min(text.remaining_capacity());
-    while !more.is_char_boundary(end) {
-        end -= 1;
-    }
-    text.push_str(&more[..end]);
+    text.push_str(&more[..more.floor_char_boundary(text.remaining_capacity())]);
 }
 
 #[cfg(test)]

@@ -14,7 +14,9 @@ impl RobotConfig {
         let head = self.head.iter().map(|_| Role::Head);
         Capabilities {
             roles: self.sensors.keys().copied().chain(head).collect(),
-            motors: Some(self.motors.iter().map(|motor| motor.name.clone()).collect()),
+            motors: Some(
+                self.motors.iter().map(|motor| (motor.name.clone(), motor.max_rad_s)).collect(),
+            ),
             sensors: Some(
                 self.named_sensors
                     .iter()

@@ -25,7 +25,8 @@ pub(super) enum Function {
     Pid,
 }
 
-/// Each function, how it is written, and how many arguments it takes.
+/// Each function, how it is written, and how many arguments it takes; a `pid` without `most` is one
+/// with an infinite one.
 #[rustfmt::skip]
 pub(super) const FUNCTIONS: [(Function, &str, usize); 16] = {
     use Function as F;
@@ -45,12 +46,12 @@ pub(super) const FUNCTIONS: [(Function, &str, usize); 16] = {
         (F::DistanceM,  "distance_m(x, y)",       2),
         (F::BearingDeg, "bearing_deg(x, y)",      2),
         (F::Random,     "random(a, b)",           2),
-        (F::Pid,        "pid(error, kp, ki, kd)", 4),
+        (F::Pid,        "pid(error, kp, ki, kd, most)", 5),
     ]
 };
 
 /// The most arguments that a function takes.
-const MOST: usize = 4;
+const MOST: usize = 5;
 
 impl Function {
     /// The function of a name.
@@ -89,7 +90,7 @@ impl Function {
         for (known, argument) in known.iter_mut().zip(arguments) {
             *known = (*argument)?;
         }
-        let [a, b, c, d] = known;
+        let [a, b, c, d, e] = known;
         Some(match self {
             Self::Abs => a.abs(),
             Self::Sqrt => libm::sqrt(a),
@@ -114,7 +115,7 @@ impl Function {
                 wrap_deg(degrees(libm::atan2(y_m, x_m) - heading_rad))
             }
             Self::Random => a + (b - a) * scope.random(slot),
-            Self::Pid => scope.pid(slot, a, [b, c, d]),
+            Self::Pid => scope.pid(slot, a, [b, c, d], e),
         })
     }
 }

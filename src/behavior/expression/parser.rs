@@ -42,6 +42,7 @@ pub(super) fn parse(
         return Err(vec![misreading]);
     }
     let tokens = tokens(text).map_err(|misreading| vec![misreading])?;
+    let tokens = with_hyphens(text, &tokens, vocabulary);
     let mut parser = Parser {
         vocabulary,
         tokens: &tokens,
@@ -63,6 +64,37 @@ pub(super) fn parse(
         }),
         _ => Err(parser.misreadings),
     }
+}
+
+/// Joins the tokens of names with hyphens, as machines and states may have them: what stands without
+/// spaces and is such a name is no difference.
+fn with_hyphens<'t>(
+    text: &'t str,
+    tokens: &[Placed<'t>],
+    vocabulary: &Vocabulary<'_>,
+) -> Vec<Placed<'t>> {
+    let mut all: Vec<Placed<'t>> = Vec::with_capacity(tokens.len());
+    let mut at = 0;
+    while let Some((first, place)) = tokens.get(at) {
+        let mut longest = (*first, place.clone());
+        let mut next = at + 1;
+        while let (Token::Name(_), Some([minus, part])) = (first, tokens.get(next..next + 2))
+            && minus.0 == Token::Infix(Infix::Subtract)
+            && matches!(part.0, Token::Name(_) | Token::Number(_))
+            && tokens[next - 1].1.end == minus.1.start
+            && minus.1.end == part.1.start
+        {
+            next += 2;
+            let place = place.start..part.1.end;
+            let name = &text[place.clone()];
+            if vocabulary.has_hyphenated(name, &all) {
+                (longest, at) = ((Token::Name(name), place), next - 1);
+            }
+        }
+        all.push(longest);
+        at += 1;
+    }
+    all
 }
 
 /// Ways out: of what is nested too deeply, of a parenthesis that is left open.
@@ -215,11 +247,16 @@ impl<'p> Parser<'p, '_> {
             return Some(self.unusable(place, mistake, hint));
         };
         let takes = function.takes();
-        let fits = given == takes || function.is_open() && given > takes;
+        let is_unbounded = function == Function::Pid && given + 1 == takes;
+        if is_unbounded {
+            self.ops.push(Op::Number(f64::INFINITY));
+        }
+        let fits = given == takes || is_unbounded || function.is_open() && given > takes;
         if !fits {
             let takes = match takes {
                 _ if function.is_open() => "two numbers or more".to_owned(),
                 1 => "one number".to_owned(),
+                more if function == Function::Pid => format!("{} or {more} numbers", more - 1),
                 more => format!("{more} numbers"),
             };
             let usage = function.usage();
@@ -258,6 +295,12 @@ impl<'p> Parser<'p, '_> {
     fn in_state(&mut self, name: &'p str, machine: &'p str, place: Range<usize>) -> Option<Typed> {
         let machines = || self.vocabulary.machines.iter().map(|(name, _)| name.as_str());
         let Some(index) = machines().position(|known| known == machine) else {
+            if self.vocabulary.unread.contains(name) {
+                // Past the operator and the state.
+                self.at += 2;
+                self.is_unread = true;
+                return Some((None, place));
+            }
             // What a variable begins with is read before the machines.
             let hint = machines().next().map(|_| nearest_or_all(machine, "it has", machines()));
             let mistake = Mistake::NoMachine(printable::name(machine).into_owned());
@@ -365,7 +408,8 @@ impl<'p> Parser<'p, '_> {
         }
         let before = self.tokens.get(..self.at.saturating_sub(1)).unwrap_or_default();
         let hint = self.vocabulary.name_hint(name, before).unwrap_or_else(|| {
-            "a name is what is sensed, a value such as `red`, or one of [numbers] and [variables]"
+            "a name is what is sensed (`onbrick new mission` lists it), a value such as `red`, or \
+             one of [numbers] and [variables]"
                 .to_owned()
         });
         self.unusable(place, Mistake::UnknownName(printable::name(name).into_owned()), hint)

@@ -216,6 +216,72 @@ fn chance_is_drawn_when_a_state_is_entered_and_evenly() {
 }
 
 #[test]
+fn names_of_machines_and_states_may_have_hyphens() {
+    let all = Capabilities::all();
+    let mut vocabulary = vocabulary(&all);
+    let states = ["go-there", "turn-2", "go"].map(str::to_owned).into_iter();
+    let states = states.zip((0_u16..).map(|at| at..=at)).collect();
+    vocabulary.machines.push(("my-drive".to_owned(), states));
+    vocabulary.variables.push(("my-drive.go-there.nearest_m".to_owned(), 0.0));
+    vocabulary.variables.push(("go".to_owned(), 3.0));
+    for (text, names) in [
+        ("my-drive.state == go-there", &["my-drive.state == go-there"][..]),
+        ("my-drive.state != turn-2 and found-go > 1", &["my-drive.state == turn-2", "found", "go"]),
+        ("my-drive.go-there.nearest_m-go < 1", &["my-drive.go-there.nearest_m", "go"]),
+        ("my-drive.state == go", &["my-drive.state == go"]),
+    ] {
+        let read = Expression::parse(text, Kind::Truth, &mut vocabulary)
+            .unwrap_or_else(|misreadings| panic!("{text}: {misreadings:?}"));
+        assert_eq!(*read.names, names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>());
+    }
+    let there = Expression::parse("my-drive.state == there", Kind::Truth, &mut vocabulary);
+    assert!(there.unwrap_err()[0].mistake.to_string().contains("has no state `there`"));
+}
+
+/// What a `pid` answers to errors 20 ms apart.
+fn answers(text: &str, errors: &[f64]) -> Vec<f64> {
+    let all = Capabilities::all();
+    let mut vocabulary = vocabulary(&all);
+    vocabulary.pids = Some(0);
+    let pid = Expression::parse(text, Kind::Number, &mut vocabulary).unwrap();
+    let mut board = board(signals(&[]));
+    board.enter(0, 0, 0);
+    let mut time_ns = 0;
+    let mut answer = |error: &f64| {
+        time_ns += 20_000_000;
+        board.signals.set_time_ns(time_ns);
+        board.signals.set(Signal::Sensed(Channel::Range), *error);
+        pid.evaluate(board.seen_by(0, 0)).unwrap()
+    };
+    errors.iter().map(&mut answer).collect()
+}
+
+#[test]
+fn a_pid_outlives_an_error_that_is_infinite() {
+    let far = f64::INFINITY;
+    for (text, expected) in [
+        ("pid(range_m, 2, 0, 0)", [2.0, far, 2.0, 2.0]),
+        ("pid(range_m, 0, 1, 0)", [0.0, 0.0, 0.0, 0.02]),
+        ("pid(range_m, 2, 0, 1, 3)", [2.0, 3.0, 2.0, 2.0]),
+        ("pid(range_m, -2, 0, 0, 3)", [-2.0, -3.0, -2.0, -2.0]),
+    ] {
+        let said = answers(text, &[1.0, far, 1.0, 1.0]);
+        let is_near = |(one, other): (&f64, &f64)| one == other || (one - other).abs() < 1e-9;
+        assert!(said.iter().zip(&expected).all(is_near), "{text}: {said:?}");
+    }
+}
+
+#[test]
+fn the_sum_of_a_pid_does_not_wind_up_at_its_bound() {
+    let far_then_near: Vec<f64> = [vec![5.0; 500], vec![-0.05; 2]].concat();
+    let bounded = answers("pid(range_m, 1, 1, 0, 0.1)", &far_then_near);
+    assert!(bounded.iter().all(|answer| answer.abs() <= 0.1), "{bounded:?}");
+    assert!(bounded[501] < 0.0, "it turns round at once: {}", bounded[501]);
+    let unbounded = answers("pid(range_m, 1, 1, 0)", &far_then_near);
+    assert!(unbounded[501] > 40.0, "{}", unbounded[501]);
+}
+
+#[test]
 fn a_pid_sums_and_differentiates_from_when_its_state_was_entered() {
     let all = Capabilities::all();
     let mut vocabulary = vocabulary(&all);
@@ -340,7 +406,8 @@ fn several_unknown_names_are_found_in_one_go() {
 
 #[test]
 fn signals_and_motors_that_the_robot_lacks_are_refused() {
-    let bare = Capabilities { motors: Some(vec!["gripper".to_owned()]), ..Capabilities::default() };
+    let bare =
+        Capabilities { motors: Some(vec![("gripper".to_owned(), 3.5)]), ..Capabilities::default() };
     let robot = |text| Expression::parse(text, Kind::Truth, &mut Vocabulary::new(&bare));
     assert!(robot("motor.gripper > 0 and heading_deg > 5").is_ok());
     assert_eq!(

@@ -20,8 +20,23 @@ pub(in crate::behavior) const SEARCHED: usize = 200;
 const LANGUAGE: [&str; 5] = ["and", "or", "not", "true", "false"];
 
 /// Names that people look for, and what there is instead.
-const NOT_HERE: [(&str, &str); 3] =
-    [("button_enter", STOPS), ("button_center", STOPS), ("button_back", STOPS)];
+const NOT_HERE: [(&str, &str); 11] = [
+    ("button_enter", STOPS),
+    ("button_center", STOPS),
+    ("button_back", STOPS),
+    ("travelled_m", DRIVEN),
+    ("distance", DRIVEN),
+    ("encoder", DRIVEN),
+    ("speed", "`state_m / state_s` is the mean speed in this state"),
+    ("yaw", TURNED),
+    ("angle", TURNED),
+    ("light", "`reflect_pct` is the light that comes back, `ambient_pct` that of the room"),
+    ("time", "`time_s` is since the run began, `state_s` since the state was entered"),
+];
+
+const DRIVEN: &str = "`state_m` is how far it has driven since the state was entered";
+const TURNED: &str = "`heading_deg` is where it looks, `state_turn_deg` how far it has turned since \
+                      the state was entered";
 
 const STOPS: &str = "Enter and Back stop the run; a mission has `button_up`, `button_down`, \
                      `button_left` and `button_right`";
@@ -58,8 +73,9 @@ impl<'c> Vocabulary<'c> {
     /// The signals of a robot, and no numbers yet.
     #[must_use]
     pub fn new(capabilities: &'c Capabilities) -> Self {
-        let sensors = capabilities.sensors.as_ref();
-        let sensors = sensors.map(|all| all.iter().map(|(name, _)| name.clone()).collect());
+        fn names<T>(named: Option<&Vec<(String, T)>>) -> Option<Vec<String>> {
+            named.map(|all| all.iter().map(|(name, _)| name.clone()).collect())
+        }
         Self {
             capabilities,
             numbers: BTreeMap::new(),
@@ -67,8 +83,8 @@ impl<'c> Vocabulary<'c> {
             variables: Vec::new(),
             machines: Vec::new(),
             scope: String::new(),
-            motors: Named::new("motor", MAX_MOTORS, capabilities.motors.clone()),
-            sensors: Named::new("sensor", MAX_SENSORS, sensors),
+            motors: Named::new("motor", MAX_MOTORS, names(capabilities.motors.as_ref())),
+            sensors: Named::new("sensor", MAX_SENSORS, names(capabilities.sensors.as_ref())),
             pids: None,
             randoms: 0,
         }
@@ -95,6 +111,23 @@ impl<'c> Vocabulary<'c> {
             }
             scope = scope.rsplit_once('.').map_or("", |(outer, _)| outer);
         }
+    }
+
+    /// Whether there is a machine's state, a variable of a sub-machine, or, where one is compared
+    /// with, a state of this name.
+    ///
+    /// - `before`: the tokens before the name.
+    pub(super) fn has_hyphenated(&self, name: &str, before: &[Placed<'_>]) -> bool {
+        let machine = |name: &str| {
+            let machine = name.strip_suffix(".state")?;
+            self.machines.iter().find(|(known, _)| known == machine)
+        };
+        if let [.., (Token::Name(state), _), (Token::Infix(Infix::Compare(_)), _)] = before
+            && let Some((_, states)) = machine(state)
+        {
+            return states.contains_key(name);
+        }
+        machine(name).is_some() || self.variable(name).is_some()
     }
 
     /// What a named sensor measures, by its place; `None` where the robot is not known.

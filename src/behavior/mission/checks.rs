@@ -48,6 +48,8 @@ pub(super) fn whole(
     let root = reader.root;
     if finish == Finish::Any || drafts.len() == 1 {
         drafts.iter().for_each(|draft| after_the_end(root, &draft.plan));
+    } else {
+        outlasting(root, drafts);
     }
     one_machine_each(reader, drafts);
     if drafts.iter().all(|draft| draft.complete) {
@@ -80,6 +82,21 @@ fn after_the_end(root: &Section<'_>, plan: &MachinePlan) {
     }
     if let Some(next) = state.next.first() {
         warn(&next.place, "no condition is looked at there");
+    }
+}
+
+/// Machines without an end, for which the others wait until the time is over.
+fn outlasting(root: &Section<'_>, drafts: &[Draft]) {
+    let ends = |draft: &&Draft| draft.plan.region.end.is_some();
+    let Some(ending) = drafts.iter().find(ends) else { return };
+    for endless in drafts.iter().filter(|draft| !ends(draft)) {
+        let (ending, name) = (&ending.plan.name, &endless.plan.name);
+        let place = endless.plan.states.first().map_or(0..0, |state| state.place.clone());
+        let message = format!(
+            "`{ending}` has an end and `{name}` has none: the mission lasts until its time limit"
+        );
+        root.note(place, Severity::Warning, message)
+            .hint("write `finish = \"any\"` above the machines, or give it a `final`");
     }
 }
 

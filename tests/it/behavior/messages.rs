@@ -389,6 +389,11 @@ fn cases() -> Vec<(&'static str, String)> {
             ),
         ),
         (
+            "a machine that the others wait for until the time is over",
+            state("do = { stop = \"brake\" }")
+                + "[machine.lights.state.a]\ndo = { led = \"red\" }\n",
+        ),
+        (
             "two machines that move the same",
             second("other", "do = { stop = \"coast\", head_deg = 3, motor.arm = 1 }"),
         ),
@@ -437,6 +442,10 @@ fn robot_cases() -> Vec<(&'static str, String)> {
             "motors that the robot lacks",
             when("motor.griper > 0").replace("next =", "do = { motor.leg = 5 }\nnext ="),
         ),
+        (
+            "a motor that is asked for more than it may do",
+            when("state_s > 1").replace("next =", "do = { motor.gripper = 900 }\nnext ="),
+        ),
     ]
 }
 
@@ -444,7 +453,7 @@ fn collect() -> String {
     let bare = Capabilities {
         limits: Some(MotionLimits::default()),
         roles: [Role::Range, Role::Remote].into(),
-        motors: Some(vec!["gripper".to_owned()]),
+        motors: Some(vec![("gripper".to_owned(), 3.5)]),
         sensors: Some(Vec::new()),
     };
     let all = Capabilities::all();

@@ -11,7 +11,7 @@ use crate::behavior::mission::{DrivePlan, GoalPlan, MotionPlan};
 use crate::document::{Item, Section};
 use crate::ev3dev::StopAction;
 use crate::senses::{QUANTITIES, Role};
-use crate::units::{counted, radians};
+use crate::units::{counted, degrees, radians};
 
 /// What can be asked in `do`.
 pub(super) fn actions() -> Vec<&'static str> {
@@ -22,6 +22,7 @@ pub(super) fn actions() -> Vec<&'static str> {
 
 /// A speed that the robot's file does not allow.
 const TOO_FAST: &str = "this is faster than the robot's wheels may turn (`max_dps`)";
+const MOTOR_TOO_FAST: &str = "this is faster than the motor may turn (`max_dps`)";
 
 /// Keys that move the wheels; those of one row go together.
 const DRIVES: [(&str, usize); 10] = [
@@ -365,7 +366,15 @@ impl<'d> Reader<'_, 'd, '_> {
         match self.vocabulary.motors.place(item.key()) {
             Ok(place) => {
                 self.moves(Role::Motor(place), item, moves);
-                Some((place, self.number(item, DPS)?))
+                let dps = self.number(item, DPS)?;
+                let motors = self.vocabulary.capabilities.motors.as_ref();
+                let motor = motors.and_then(|motors| motors.get(usize::from(place)));
+                let max_dps = motor.map_or(f64::INFINITY, |(_, max_rad_s)| degrees(*max_rad_s));
+                if dps.in_a_run().is_some_and(|dps| dps.abs() > max_dps * (1.0 + 1e-9)) {
+                    item.warning(MOTOR_TOO_FAST)
+                        .hint(format!("it turns at {max_dps:.0} degrees a second"));
+                }
+                Some((place, dps))
             }
             Err(mistake) => {
                 let hint = self.vocabulary.motors.hint(item.key());

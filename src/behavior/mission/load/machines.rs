@@ -106,6 +106,9 @@ impl<'d> Reader<'_, 'd, '_> {
             if let Some(layout) = self.layout(item, section, &mut walk) {
                 self.vocabulary.machines.push((item.key().to_owned(), walk.names));
                 found.push((item.clone(), layout));
+            } else {
+                // Of what is wrong with it enough was said: its states are no unknown ones.
+                self.vocabulary.unread.insert(format!("{}.state", item.key()));
             }
         }
         if found.len() == items.len() {
