@@ -54,9 +54,7 @@ mod stop_request;
 
 pub use crate::recording::{STALL_NS, Stop, StopReason};
 pub use battery::{Charge, HOLD_NS, SLOW_SHARE};
-pub use child::{
-    Order, RunError, RunProcess, StartError, StopBy, Stopper, never_wait, obey, read_job,
-};
+pub use child::{RunError, RunProcess, StartError, StopBy, Stopper, never_wait, obey, read_job};
 pub use control::{Control, STOP_SIGNALS, StopFlags, Tally};
 pub use environment::{CreateSink, Environment, SeeTruth, Truth};
 pub use evict::{OrphansError, PATIENCE_NS, end_by_force, evict, stop_orphans};

@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::common::{SHOW_MISSION, load_robot, read_mission};
+use super::common::{SHOW_MISSION, chosen_robot, load_robot, read_mission};
 use super::{Failure, Output};
-use crate::behavior::{Capabilities, Mission};
+use crate::behavior::{Capabilities, Mission, submachines};
 use crate::document::Finding;
+use crate::runtime::Source;
 use crate::units::counted;
 
-/// Check missions: names, conditions, states that cannot be reached or left.
+/// Check missions and sub-machines: names, conditions, states that cannot be reached or left.
 ///
 /// Example: onbrick check map my-mission.toml --robot robot.toml
 #[derive(Debug, clap::Args)]
@@ -19,8 +20,8 @@ pub(super) struct Arguments {
     /// Mission files, or names of shipped missions.
     #[arg(required = true)]
     missions: Vec<PathBuf>,
-    /// The robot they are for; without it, a mission may use any device there is, and is as fast as
-    /// the shipped mapper at most.
+    /// The robot they are for; without it that of ./robot.toml, and where there is none, a mission
+    /// may use any device there is, and is as fast as the shipped mapper at most.
     #[arg(long)]
     robot: Option<PathBuf>,
 }
@@ -39,7 +40,8 @@ struct Checked<'f> {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    let capabilities = match &arguments.robot {
+    let robot = chosen_robot(arguments.robot.as_deref(), output);
+    let capabilities = match &robot {
         Some(path) => load_robot(Some(path))?.config.capabilities(),
         None => {
             let limits = load_robot(None)?.config.capabilities().limits;
@@ -49,7 +51,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let (mut broken, mut has_all_hints) = (0_usize, true);
     for path in &arguments.missions {
         let source = match read_mission(path) {
-            Ok(source) => source,
+            Ok(source) => of_submachines(path, source),
             Err(unread) => {
                 broken += 1;
                 show_unread(path, &unread, output);
@@ -63,7 +65,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         broken += usize::from(mission.is_none());
         let is_bare = |finding: &Finding| finding.hint.is_none();
         has_all_hints &= mission.is_some() || !findings.iter().any(is_bare);
-        let needs = mission.as_ref().filter(|_| arguments.robot.is_none()).map(named);
+        let needs = mission.as_ref().filter(|_| robot.is_none()).map(named);
         let needs = needs.unwrap_or_default();
         let checked = Checked {
             mission: source.name.clone(),
@@ -82,6 +84,14 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let are = if broken == 1 { "is" } else { "are" };
     let failure = Failure::refused(format!("{} {are} not in order", counted(broken, "mission")));
     Err(if has_all_hints { failure } else { failure.hint(SHOW_MISSION) })
+}
+
+/// A file that has nothing but sub-machines is checked in a mission that uses each of them.
+fn of_submachines(path: &Path, source: Source) -> Source {
+    match submachines::using(&source.text, &source.name) {
+        Some(text) => Source { text, ..source }.with_submachines(path.parent()),
+        None => source,
+    }
 }
 
 /// An unreadable file does not stop the check of the others.

@@ -1,28 +1,46 @@
-//! What happens in a run, line by line, where a person asks for it (`-v`).
+//! A run as a person sees it: a bar of its time, or line by line what happens in it (`-v`).
 //!
-//! All of it stands in the recording, and is read from there while that grows, so a line comes a
+//! What happens stands in the recording, and is read from there while that grows, so a line comes a
 //! sync later at most, and none is lost when a simulation is faster than a terminal.
 
 use std::path::PathBuf;
 
 use super::Output;
+use super::common::Progress;
 use crate::printable::with_causes;
 use crate::recording::Moments;
+use crate::runtime::Event;
 
-/// Tells what happens in a run.
+/// Tells how a run is going.
 pub(super) struct Happenings {
+    progress: Option<Progress>,
     recording: PathBuf,
     moments: Option<Moments>,
 }
 
 impl Happenings {
     /// Of the run that writes this recording, which need not be there yet.
-    pub(super) fn of(recording: PathBuf) -> Self {
-        Self { recording, moments: None }
+    pub(super) fn of(recording: PathBuf, progress: Option<Progress>) -> Self {
+        Self { progress, recording, moments: None }
+    }
+
+    /// Tells an event, and what has happened since the last one.
+    pub(super) fn hear(&mut self, event: &Event, output: &mut Output) {
+        output.value(event);
+        if let Some(progress) = &self.progress {
+            progress.show(event);
+        }
+        self.tell(output);
+    }
+
+    /// Tells what happened last, and takes the bar away.
+    pub(super) fn finish(&mut self, output: &mut Output) {
+        self.progress.iter().for_each(Progress::finish);
+        self.tell(output);
     }
 
     /// Tells what has come since the last time; nothing without `-v`.
-    pub(super) fn tell(&mut self, output: &mut Output) {
+    fn tell(&mut self, output: &mut Output) {
         if !log::log_enabled!(log::Level::Info) {
             return;
         }

@@ -164,6 +164,7 @@ fn prepare(
 /// `name=value` of `--set`.
 pub(super) fn setting(text: &str) -> Result<(String, f64), String> {
     let (name, value) = text.split_once('=').ok_or("it is written name=value")?;
+    let (name, value) = (name.trim(), value.trim());
     let value: f64 = value.parse().map_err(|_| format!("`{value}` is not a number"))?;
     if value.is_finite() {
         Ok((name.to_owned(), value))
@@ -292,16 +293,13 @@ fn follow(
     hear: impl Fn(&Event),
 ) -> Result<Ended, Failure> {
     let progress = super::common::Progress::new(mission, output);
-    let mut happenings = Happenings::of(job.file.clone());
+    let mut happenings = Happenings::of(job.file.clone(), Some(progress));
     while let Some(event) = run.next_event() {
-        output.value(&event);
-        progress.show(&event);
         hear(&event);
-        happenings.tell(output);
+        happenings.hear(&event, output);
     }
-    progress.finish();
     let ended = run.wait();
-    happenings.tell(output);
+    happenings.finish(output);
     ended.map_err(|error| match error {
         RunError::Refused { stop, hint } => Failure::of_refused(stop.to_string(), hint.as_deref()),
         RunError::Silent { stopped: true, .. } => {

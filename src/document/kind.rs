@@ -13,10 +13,12 @@ pub enum Kind {
     World,
     /// Several bricks.
     Team,
+    /// A part of missions.
+    Submachine,
 }
 
 /// Each kind, what it is called, the keys that no other kind has, and how it is used.
-const KINDS: [(Kind, &str, &[&str], &str); 4] = [
+const KINDS: [(Kind, &str, &[&str], &str); 5] = [
     (Kind::Mission, "a mission", &["machine"], "`onbrick run FILE`"),
     (
         Kind::Robot,
@@ -35,6 +37,12 @@ const KINDS: [(Kind, &str, &[&str], &str); 4] = [
         "a team",
         &["brick"],
         "`onbrick team FILE MISSION`, or `onbrick status --team FILE`,",
+    ),
+    (
+        Kind::Submachine,
+        "a sub-machine",
+        &["submachine"],
+        "`use = \"NAME\"` in a state of a mission beside it",
     ),
 ];
 

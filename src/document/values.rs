@@ -68,8 +68,14 @@ impl<'d> Item<'d> {
         match self.value.get_ref() {
             // "10s" is meant as a number.
             DeValue::String(text) if expected.ends_with("number") => {
-                leading_number(text).map(|number| {
+                let number = leading_number(text).map(|number| {
                     format!("write {number} without quotes; the unit is part of the name")
+                });
+                let is_sum = text.contains(['+', '-', '*', '/', '(']);
+                number.or_else(|| {
+                    is_sum.then(|| {
+                        "nothing is worked out here: write the number that it comes to".to_owned()
+                    })
                 })
             }
             // "0.3, 0.2" is meant as a list.
@@ -102,5 +108,8 @@ impl<'d> Item<'d> {
 /// The number that a text such as `10s` begins with.
 fn leading_number(text: &str) -> Option<&str> {
     let end = text.find(|letter: char| !(letter.is_ascii_digit() || letter == '.'))?;
-    text[..end].parse::<f64>().ok().map(|_| &text[..end])
+    let (number, unit) = text.split_at(end);
+    let is_unit =
+        unit.trim_start().starts_with(|first: char| first.is_alphabetic() || "%°".contains(first));
+    (is_unit && number.parse::<f64>().is_ok()).then_some(number)
 }

@@ -267,12 +267,8 @@ impl<S> TickSide<S> {
 
 /// As much of a text as fits, cut at a character.
 fn fitting<const BYTES: usize>(text: &str) -> ArrayString<BYTES> {
-    let mut end = text.len().min(BYTES);
-    while !text.is_char_boundary(end) {
-        end -= 1;
-    }
     let mut cut = ArrayString::new();
-    cut.push_str(&text[..end]);
+    cut.push_str(&text[..text.floor_char_boundary(BYTES)]);
     cut
 }
 

@@ -92,29 +92,24 @@ impl BatteryConfig {
     /// What holds for these cells.
     #[must_use]
     pub fn limits(&self) -> BatteryLimits {
-        let own = BatteryLimits::of(self.cells).times(f64::from(self.count) / f64::from(CELLS));
+        let share = f64::from(self.count) / f64::from(CELLS);
+        let of_six = BatteryLimits::of(self.cells);
+        let [warn_v, slow_v, stop_v] =
+            [of_six.warn_v, of_six.slow_v, of_six.stop_v].map(|limit_v| limit_v * share);
         // One threshold that the file moves takes the others along, so that their order holds.
         let stop_v = self.stop_v.unwrap_or_else(|| {
-            own.stop_v
+            stop_v
                 .min(self.slow_v.unwrap_or(f64::INFINITY))
                 .min(self.warn_v.unwrap_or(f64::INFINITY))
         });
         let slow_v = self
             .slow_v
-            .unwrap_or_else(|| own.slow_v.min(self.warn_v.unwrap_or(f64::INFINITY)).max(stop_v));
-        BatteryLimits { warn_v: self.warn_v.unwrap_or(own.warn_v).max(slow_v), slow_v, stop_v }
+            .unwrap_or_else(|| slow_v.min(self.warn_v.unwrap_or(f64::INFINITY)).max(stop_v));
+        BatteryLimits { warn_v: self.warn_v.unwrap_or(warn_v).max(slow_v), slow_v, stop_v }
     }
 }
 
 impl BatteryLimits {
-    fn times(self, factor: f64) -> Self {
-        Self {
-            warn_v: self.warn_v * factor,
-            slow_v: self.slow_v * factor,
-            stop_v: self.stop_v * factor,
-        }
-    }
-
     /// The usual ones of six cells; see the module.
     #[must_use]
     pub const fn of(cells: Technology) -> Self {

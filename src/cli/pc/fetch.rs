@@ -1,8 +1,8 @@
 //! `onbrick fetch`: bring maps home, and watch them grow.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure, named};
+use super::remote::{Asking, Bricks, Unnamed, conclude, failure, named};
 use super::watch::Watch;
 use crate::cli::common::{bar_style, make_folder};
 use crate::cli::output::safe;
@@ -33,8 +33,9 @@ pub(in crate::cli) struct Arguments {
     /// Every run on the brick.
     #[arg(long)]
     all: bool,
-    #[command(flatten)]
-    out: Out,
+    /// The folder for recordings.
+    #[arg(short, long, value_name = "DIR", default_value = ".")]
+    out: PathBuf,
     /// Take at most this many megabytes of a brick.
     #[arg(long, value_name = "MB", default_value_t = MOST_BYTES >> 20)]
     most_mb: u64,
@@ -70,7 +71,7 @@ impl Brought {
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let asking = arguments.bricks.asking(Unnamed::TheOnly)?;
-    make_folder(Exit::Refused, &arguments.out.out)?;
+    make_folder(Exit::Refused, &arguments.out)?;
     if arguments.follow {
         let [brick] = asking.bricks.as_slice() else {
             return Err(Failure::usage("one brick can be followed at a time"));
@@ -81,7 +82,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         let mut left = arguments.most_bytes();
         let mut brought = Vec::new();
         for run in runs(client, arguments)? {
-            let one = match bring(client, &run, &arguments.out.out, left, &mut |_| {}) {
+            let one = match bring(client, &run, &arguments.out, left, &mut |_| {}) {
                 // The other runs are fetched nevertheless.
                 Err(error @ (ClientError::OtherRecording { .. } | ClientError::Taken { .. })) => {
                     Err(named(brick, failure(brick, &error)))
@@ -170,7 +171,7 @@ fn follow(
         return Err(Failure::refused(format!("{}: one run can be followed at a time", brick.name))
             .hint("onbrick runs, then --run RUN"));
     };
-    let recording = Some(file_so_far(&arguments.out.out.join(format!("{run}.mcap"))));
+    let recording = Some(file_so_far(&arguments.out.join(format!("{run}.mcap"))));
     let title = format!("{}: {run}", brick.name);
     let board = Board::default();
     board.show(Sources { title, recording, ..Sources::default() });
@@ -189,7 +190,7 @@ fn follow(
         scope.spawn(|| watch.look(asking, brick));
         let mut line = ProgressLine::new(output);
         let brought =
-            bring(&mut client, run, &arguments.out.out, arguments.most_bytes(), &mut |progress| {
+            bring(&mut client, run, &arguments.out, arguments.most_bytes(), &mut |progress| {
                 line.show(progress, &watch.line(), output);
                 if let Some(status) = watch.progress() {
                     board.hear_status(&status);

@@ -287,14 +287,6 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
     }
 }
 
-/// A folder to put recordings into.
-#[derive(Debug, Args)]
-pub(super) struct Out {
-    /// The folder for recordings.
-    #[arg(short, long, value_name = "DIR", default_value = ".")]
-    pub(super) out: PathBuf,
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

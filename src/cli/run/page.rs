@@ -126,15 +126,10 @@ fn simulate(
     output: &mut Output,
 ) -> Result<Ended, Failure> {
     let progress = Progress::new(mission, output);
-    let mut happenings = Happenings::of(job.file.clone());
-    let mut tell = |event: &Event| {
-        output.value(event);
-        progress.show(event);
-        happenings.tell(output);
-    };
+    let mut happenings = Happenings::of(job.file.clone(), Some(progress));
+    let mut tell = |event: &Event| happenings.hear(event, output);
     let ended = watched(job, mission, sources, board, &hand.flags, &mut tell);
-    progress.finish();
-    happenings.tell(output);
+    happenings.finish(output);
     let ended = ended?;
     output.value(&Event::Ended(ended.clone()));
     Ok(ended)

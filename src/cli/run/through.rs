@@ -103,16 +103,11 @@ pub(super) fn run(
     })?;
     let progress = mission.as_ref().map(|(mission, _)| Progress::new(mission, output));
     let recording = living.config.runs.join(run.as_str()).join("run.mcap");
-    let mut happenings = Happenings::of(recording);
+    let mut happenings = Happenings::of(recording, progress);
     let last = follow(&mut living.client, &run, &mut signals, |event| {
-        output.value(event);
-        happenings.tell(output);
-        if let Some(progress) = &progress {
-            progress.show(event);
-        }
+        happenings.hear(event, output);
     });
-    progress.iter().for_each(Progress::finish);
-    happenings.tell(output);
+    happenings.finish(output);
     finish(living, &run, last?, folder.as_ref(), output)
 }
 
