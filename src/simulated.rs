@@ -139,10 +139,13 @@ pub fn simulation(
     clock: Arc<dyn Clock>,
 ) -> Result<(Simulation, Observer), Refused> {
     let (parsed, _) = world.world()?;
+    let scenario = parsed.scenario().clone();
     let physics = WorldPhysics::new(parsed.with_start_near(near.x_m, near.y_m), 1, seed)
         .map_err(|error| Refused::World(error.into()))?;
     let observer = physics.observer();
-    Ok((Simulation::new(clock, Box::new(physics), seed), observer))
+    let simulation = Simulation::new(clock, Box::new(physics), seed);
+    simulation.play(&scenario);
+    Ok((simulation, observer))
 }
 
 /// Where a job on a simulated brick is done.

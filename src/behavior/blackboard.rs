@@ -158,7 +158,7 @@ impl Scope<'_> {
         let Some(cell) = slot else { return f64::NAN };
         let now_ns = self.board.signals.time_ns();
         let PidState { mut sum, last } = cell.get();
-        let [kp, ki, kd] = gains;
+        let ([kp, ki, kd], most) = (gains, most.abs());
         // A gain of zero takes nothing of an infinite error.
         let part = |gain: f64, of: f64| if gain == 0.0 { 0.0 } else { gain * of };
         let answer = |sum: f64, rate: f64| part(kp, error) + part(ki, sum) + part(kd, rate);

@@ -58,7 +58,7 @@ pub fn using(text: &str, file: &str) -> Option<String> {
         let (name, next) = (document::save::quoted(name), at + 1);
         mission.push_str(&format!(
             "[machine.uses.state.{at}]\nuse = {name}\n\
-             next = [{{ when = \"done or state_s > 1\", go = \"{next}\" }}]\n"
+             next = [{{ when = \"state_s > 1\", go = \"{next}\" }}]\n"
         ));
     }
     mission.push_str(&format!("[machine.uses.state.{end}]\n"));

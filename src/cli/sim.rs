@@ -71,7 +71,8 @@ pub(super) struct Arguments {
     /// in an emulator.
     #[arg(long, default_value = native_bits(), value_parser = ["32", "64"], value_name = "BITS")]
     event_bits: String,
-    /// A file that says what goes wrong when: a device pulled, a sensor stuck, a wheel blocked.
+    /// A file that says what goes wrong when, in place of what the world says: a device pulled, a
+    /// sensor stuck, a wheel blocked.
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
     /// Show the room in a browser on this machine, at a port of your choice or any that is free.
@@ -387,6 +388,7 @@ fn simulation(
     }
     let (world, _) = source.world()?;
     let starts = world.starts().to_vec();
+    let scenario = scenario.unwrap_or_else(|| world.scenario().clone());
     let physics = WorldPhysics::new(world, arguments.robots, arguments.seed).map_err(|error| {
         Failure::refused(error.to_string())
             .hint("fewer --robots, or a world with more start poses (onbrick new world)")
@@ -399,9 +401,7 @@ fn simulation(
     if arguments.show.is_some() {
         simulation.watch();
     }
-    if let Some(scenario) = scenario {
-        simulation.play(&scenario);
-    }
+    simulation.play(&scenario);
     Ok((simulation, starts))
 }
 

@@ -18,7 +18,7 @@
 //! # Not here
 //!
 //! No joining of walls to rooms: where two meet they end ([`corners`]), and that is all. Nothing
-//! that is shorter than half a metre: of such stretches most are of posts and corners.
+//! whose points lie along less than half a metre: of such stretches most are of posts and corners.
 //!
 //! # What we count on
 //!

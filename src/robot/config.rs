@@ -5,6 +5,7 @@
 //! Nothing is looked up on a brick: whether something is plugged in where the file says shows when
 //! the robot is bound.
 
+mod port;
 mod range;
 mod stop_button;
 
@@ -15,8 +16,8 @@ pub use stop_button::StopButton;
 
 use super::battery::{BatteryConfig, battery};
 use crate::clock::SECOND_NS;
-use crate::document::{Document, Findings, Item, Kind, Section, one_of};
-use crate::ev3dev::{Driver, EV3, NotAPort, Platform, PortAddress};
+use crate::document::{Document, Findings, Item, Kind, Section};
+use crate::ev3dev::{Driver, PortAddress};
 use crate::mapping::{Geometry, RangeMount};
 use crate::printable::is_printable;
 use crate::senses::{Channel, Mount, Role};
@@ -275,7 +276,7 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
         battery: battery?.unwrap_or_default(),
         motors: motors?,
     };
-    ports_are_taken_once(root, &config);
+    port::taken_once(root, &config);
     Some(config)
 }
 
@@ -338,29 +339,11 @@ fn drive(section: &Section<'_>) -> Option<DriveBase> {
 }
 
 fn motor_role(section: &Section<'_>) -> Option<MotorRole> {
-    let port = section.require("port").and_then(|item| address(&item));
+    let port = section.require("port").and_then(|item| port::address(&item));
     let inverted = section.value_or("inverted", false, |item| item.flag());
     let gear = section.value_or("gear", 1.0, |item| item.gear());
     let direction = if inverted? { -1.0 } else { 1.0 };
     Some(MotorRole { port: port?, ratio: gear? * direction })
-}
-
-#[expect(clippy::option_option, reason = "absent and wrong are different")]
-fn port(section: &Section<'_>) -> Option<Option<PortAddress>> {
-    section.get("port").map_or(Some(None), |item| address(&item).map(Some))
-}
-
-fn address(item: &Item<'_>) -> Option<PortAddress> {
-    let refused = |error: NotAPort| {
-        item.error(format!("{error}")).hint("such as \"outA\", \"in1\" or \"spi0.1:MB\"");
-    };
-    let port: PortAddress = item.text()?.parse().map_err(refused).ok()?;
-    if !port.as_str().contains(':') && !Platform::may_have(port.as_str()) {
-        item.error(format!("no board has a port `{port}`"))
-            .hint(one_of(port.as_str(), EV3.ports()));
-        return None;
-    }
-    Some(port)
 }
 
 fn head(section: &Section<'_>) -> Option<HeadRole> {
@@ -396,7 +379,7 @@ fn plug(section: &Section<'_>, kind: Role) -> Option<Plug> {
     let words: Vec<(&str, Driver)> =
         kind.drivers().map(|driver| (driver.as_str(), driver)).collect();
     let driver = section.value_or("driver", None, |item| item.word(&words).map(Some));
-    Some(Plug { port: port(section)?, driver: driver?, mount: Mount::read(section)? })
+    Some(Plug { port: port::port(section)?, driver: driver?, mount: Mount::read(section)? })
 }
 
 /// The sensors that the file has; `None` where one of them is wrong.
@@ -476,35 +459,6 @@ fn named_sensor(item: &Item<'_>) -> Option<(NamedSensor, Plug)> {
     Some((NamedSensor { name: name?, measures }, plug?))
 }
 
-/// Two roles cannot share a port, but range and remote may both be named for the one infrared
-/// sensor only to be told why not.
-fn ports_are_taken_once(root: &Section<'_>, config: &RobotConfig) {
-    let taken: Vec<_> = config.ports().collect();
-    for (index, (role, port)) in taken.iter().enumerate() {
-        let Some(port) = port else { continue };
-        let is_same = |other: &PortAddress| other.fits(port) || port.fits(other);
-        if let Some((other, _)) =
-            taken[..index].iter().find(|(_, other)| other.is_some_and(is_same))
-        {
-            root.note(
-                place_of_port(root, role),
-                crate::document::Severity::Error,
-                format!("`{role}` and `{other}` are both on {port}"),
-            )
-            .hint("one device has one role; a sensor gives one kind of value at a time");
-        }
-    }
-}
-
-fn place_of_port(root: &Section<'_>, role: &str) -> std::ops::Range<usize> {
-    let mut section = root.clone();
-    for key in role.split('.') {
-        let Some(next) = section.section(key) else { return section.place() };
-        section = next;
-    }
-    section.get("port").map_or_else(|| section.place(), |port| port.place())
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::DEFAULT_ROBOT;
@@ -560,8 +514,8 @@ mod tests {
             ("max_dps = 360", "max_dps = nan", "`drive.max_dps` is NaN"),
             ("max_dps = 360", "max_dps = -5", "it can be 1 to 15600"),
             ("port = \"in4\"", "port = \"in1\"", "`gyro` and `range` are both on in1"),
-            ("port = \"in4\"", "port = \"ev3-ports:in1\"", "both on ev3-ports:in1"),
-            ("{ port = \"outB\" }", "{ inverted = true }", "`drive.left.port` is missing"),
+            ("port = \"in4\"", "port = \"ev3-ports:in1\"", "`gyro` and `range` are both on in1"),
+            ("{ port = \"outB\" }", "{ inverted = true }", "`port` is missing in [drive.left]"),
             ("port = \"in4\"", "port = \"out Z\"", "such as \"outA\""),
             ("port = \"in4\"", "port = \"in4\"\nwatch_s = 1", "it can be 5.2 to 60"),
             ("port = \"in4\"", "port = \"in4\"\nscale = 2", "it can be 0.8 to 1.25"),

@@ -8,7 +8,7 @@
 //! ([`Watch`](super::Watch)). A simulated brick lives inside control, and needs no guard. Each
 //! starter and the process that it started talk over two pipes, in lines of JSON:
 //!
-//! - its standard input: the [`Job`], then orders to stop ([`StopBy`]) as they come, and an empty line for each
+//! - its standard input: the [`Job`], then orders to stop ([`StopBy`]), and an empty line for each
 //!   event that the starter has dealt with; control's has an empty line each 20 ms or so instead,
 //!   the guard's heartbeat ([`Pulse`](super::Pulse)). When this pipe closes, the starter is gone;
 //!   when an event stays without an answer, it hangs. What happens then is

@@ -2,8 +2,8 @@
 //!
 //! # Not here
 //!
-//! The range sensor of `[range]`, which is on the head, or looks ahead: the map needs its place, and
-//! `[range]` has it.
+//! The range sensor of `[range]`, which is on the head or looks ahead: the map needs its place,
+//! and `[range]` has it.
 
 use crate::document::Section;
 

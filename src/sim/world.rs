@@ -27,6 +27,7 @@
 use std::fmt;
 
 use super::body::Outline;
+use super::fault::Scenario;
 use crate::document::{Document, Findings};
 use crate::units::{degrees, rounded_to};
 
@@ -54,6 +55,7 @@ pub struct World {
     starts: Vec<StartPose>,
     pub(in crate::sim) remote: Vec<RemotePress>,
     pub(in crate::sim) beacon: Option<Beacon>,
+    scenario: Scenario,
     robot: RobotModel,
 }
 
@@ -195,6 +197,12 @@ impl World {
         !self.solids.iter().any(in_solid)
             && !self.surfaces.discs.iter().any(in_disc)
             && outline.clearance(&self.surfaces) > 0.0
+    }
+
+    /// What goes wrong, and which buttons are pressed, since the simulation began.
+    #[must_use]
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
     }
 
     /// The start poses, one for each robot that the world has place for.

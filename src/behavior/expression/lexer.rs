@@ -20,6 +20,20 @@ pub(super) enum Token<'t> {
     End,
 }
 
+pub(super) fn described(token: Token<'_>) -> String {
+    match token {
+        Token::Number(_) => "a number".to_owned(),
+        Token::Name(name) => format!("`{}`", printable::name(name)),
+        Token::Truth(truth) => format!("`{truth}`"),
+        Token::Not => "`not`".to_owned(),
+        Token::Infix(infix) => format!("`{}`", infix.as_str()),
+        Token::Open => "`(`".to_owned(),
+        Token::Close => "`)`".to_owned(),
+        Token::Comma => "`,`".to_owned(),
+        Token::End => "the end".to_owned(),
+    }
+}
+
 /// A token and the bytes where it stands.
 pub(super) type Placed<'t> = (Token<'t>, Range<usize>);
 
@@ -78,6 +92,39 @@ pub(super) fn tokens(text: &str) -> Result<Vec<Placed<'_>>, Misreading> {
     }
     tokens.push((Token::End, text.len()..text.len()));
     Ok(tokens)
+}
+
+/// Joins the tokens of names with hyphens, as machines and states may have them: what stands
+/// without spaces and is such a name is no difference.
+///
+/// - `is_name`: whether there is such a name, behind these tokens.
+pub(super) fn with_hyphens<'t>(
+    text: &'t str,
+    tokens: &[Placed<'t>],
+    is_name: impl Fn(&str, &[Placed<'t>]) -> bool,
+) -> Vec<Placed<'t>> {
+    let mut all: Vec<Placed<'t>> = Vec::with_capacity(tokens.len());
+    let mut at = 0;
+    while let Some((first, place)) = tokens.get(at) {
+        let mut longest = (*first, place.clone());
+        let mut next = at + 1;
+        while let (Token::Name(_), Some([minus, part])) = (first, tokens.get(next..next + 2))
+            && minus.0 == Token::Infix(Infix::Subtract)
+            && matches!(part.0, Token::Name(_) | Token::Number(_))
+            && tokens[next - 1].1.end == minus.1.start
+            && minus.1.end == part.1.start
+        {
+            next += 2;
+            let place = place.start..part.1.end;
+            let name = &text[place.clone()];
+            if is_name(name, &all) {
+                (longest, at) = ((Token::Name(name), place), next - 1);
+            }
+        }
+        all.push(longest);
+        at += 1;
+    }
+    all
 }
 
 /// A mistake, its length in bytes, and the way out.

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::evaluation::{STACK, depth};
 use super::function::{FUNCTIONS, Function};
-use super::lexer::{Placed, Token, UNIT, tokens};
+use super::lexer::{Placed, Token, UNIT, described, tokens, with_hyphens};
 use super::vocabulary::{SEARCHED, values};
 use super::{Comparison, Expression, Infix, Kind, Misreading, Mistake, Op, Vocabulary};
 use crate::behavior::blackboard::MAX_PIDS;
@@ -42,7 +42,7 @@ pub(super) fn parse(
         return Err(vec![misreading]);
     }
     let tokens = tokens(text).map_err(|misreading| vec![misreading])?;
-    let tokens = with_hyphens(text, &tokens, vocabulary);
+    let tokens = with_hyphens(text, &tokens, |name, before| vocabulary.is_hyphenated(name, before));
     let mut parser = Parser {
         vocabulary,
         tokens: &tokens,
@@ -64,37 +64,6 @@ pub(super) fn parse(
         }),
         _ => Err(parser.misreadings),
     }
-}
-
-/// Joins the tokens of names with hyphens, as machines and states may have them: what stands without
-/// spaces and is such a name is no difference.
-fn with_hyphens<'t>(
-    text: &'t str,
-    tokens: &[Placed<'t>],
-    vocabulary: &Vocabulary<'_>,
-) -> Vec<Placed<'t>> {
-    let mut all: Vec<Placed<'t>> = Vec::with_capacity(tokens.len());
-    let mut at = 0;
-    while let Some((first, place)) = tokens.get(at) {
-        let mut longest = (*first, place.clone());
-        let mut next = at + 1;
-        while let (Token::Name(_), Some([minus, part])) = (first, tokens.get(next..next + 2))
-            && minus.0 == Token::Infix(Infix::Subtract)
-            && matches!(part.0, Token::Name(_) | Token::Number(_))
-            && tokens[next - 1].1.end == minus.1.start
-            && minus.1.end == part.1.start
-        {
-            next += 2;
-            let place = place.start..part.1.end;
-            let name = &text[place.clone()];
-            if vocabulary.has_hyphenated(name, &all) {
-                (longest, at) = ((Token::Name(name), place), next - 1);
-            }
-        }
-        all.push(longest);
-        at += 1;
-    }
-    all
 }
 
 /// Ways out: of what is nested too deeply, of a parenthesis that is left open.
@@ -522,19 +491,5 @@ fn way_out(expected: Kind) -> &'static str {
     match expected {
         Kind::Truth => "compare it with something, as in `… > 0`",
         Kind::Number => "what is true or false cannot be counted with; let it be a condition",
-    }
-}
-
-fn described(token: Token<'_>) -> String {
-    match token {
-        Token::Number(_) => "a number".to_owned(),
-        Token::Name(name) => format!("`{}`", printable::name(name)),
-        Token::Truth(truth) => format!("`{truth}`"),
-        Token::Not => "`not`".to_owned(),
-        Token::Infix(infix) => format!("`{}`", infix.as_str()),
-        Token::Open => "`(`".to_owned(),
-        Token::Close => "`)`".to_owned(),
-        Token::Comma => "`,`".to_owned(),
-        Token::End => "the end".to_owned(),
     }
 }

@@ -263,7 +263,7 @@ fn a_pid_outlives_an_error_that_is_infinite() {
         ("pid(range_m, 2, 0, 0)", [2.0, far, 2.0, 2.0]),
         ("pid(range_m, 0, 1, 0)", [0.0, 0.0, 0.0, 0.02]),
         ("pid(range_m, 2, 0, 1, 3)", [2.0, 3.0, 2.0, 2.0]),
-        ("pid(range_m, -2, 0, 0, 3)", [-2.0, -3.0, -2.0, -2.0]),
+        ("pid(range_m, -2, 0, 0, -3)", [-2.0, -3.0, -2.0, -2.0]),
     ] {
         let said = answers(text, &[1.0, far, 1.0, 1.0]);
         let is_near = |(one, other): (&f64, &f64)| one == other || (one - other).abs() < 1e-9;

@@ -35,8 +35,8 @@ const NOT_HERE: [(&str, &str); 11] = [
 ];
 
 const DRIVEN: &str = "`state_m` is how far it has driven since the state was entered";
-const TURNED: &str = "`heading_deg` is where it looks, `state_turn_deg` how far it has turned since \
-                      the state was entered";
+const TURNED: &str = "`heading_deg` is where it looks, `state_turn_deg` how far it has turned in \
+                      this state";
 
 const STOPS: &str = "Enter and Back stop the run; a mission has `button_up`, `button_down`, \
                      `button_left` and `button_right`";
@@ -117,7 +117,7 @@ impl<'c> Vocabulary<'c> {
     /// with, a state of this name.
     ///
     /// - `before`: the tokens before the name.
-    pub(super) fn has_hyphenated(&self, name: &str, before: &[Placed<'_>]) -> bool {
+    pub(super) fn is_hyphenated(&self, name: &str, before: &[Placed<'_>]) -> bool {
         let machine = |name: &str| {
             let machine = name.strip_suffix(".state")?;
             self.machines.iter().find(|(known, _)| known == machine)

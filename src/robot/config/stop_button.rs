@@ -19,7 +19,7 @@ pub enum StopButton {
 pub(super) fn stop_button(section: &Section<'_>) -> Option<StopButton> {
     section.allow(&["port", "device"]);
     let device = section.get("device");
-    match (super::port(section)?, device) {
+    match (super::port::port(section)?, device) {
         (Some(port), None) => Some(StopButton::Touch(port)),
         (None, Some(device)) => Some(StopButton::Device(device.text()?.into())),
         _ => {

@@ -1,4 +1,5 @@
-//! Scenario files: which fault comes when, and which button is pressed.
+//! Scenarios, in files of their own or in a world's: which fault comes when, and which button is
+//! pressed.
 //!
 //! ```toml
 //! [[fault]]
@@ -44,7 +45,22 @@ impl Scenario {
     /// All mistakes with their places: what is not TOML, unknown keys, ports and faults, times out
     /// of range.
     pub fn parse(file: &str, bytes: &[u8]) -> Result<(Self, Findings), Findings> {
-        Document::new(file, bytes)?.read(scenario)
+        Document::new(file, bytes)?.read(|root| {
+            root.allow(&Self::KEYS);
+            Self::read(root)
+        })
+    }
+
+    /// Its keys in a file.
+    pub(in crate::sim) const KEYS: [&str; 3] = ["fault", "battery", "press"];
+
+    /// Reads a scenario from a file that may have more in it; `None` where it is wrong.
+    pub(in crate::sim) fn read(root: &Section<'_>) -> Option<Self> {
+        let faults: Vec<_> = root.tables("fault", MOST, "").iter().map(fault).collect();
+        let batteries: Vec<_> = root.tables("battery", MOST, "").iter().map(battery).collect();
+        let presses: Vec<_> = root.tables("press", MOST, "").iter().map(press).collect();
+        let orders: Option<Vec<_>> = faults.into_iter().chain(batteries).chain(presses).collect();
+        orders.map(Self::new)
     }
 
     /// A scenario of these orders, each with its time in nanoseconds.
@@ -59,15 +75,6 @@ impl Scenario {
     pub fn orders(&self) -> &[(i64, Order)] {
         &self.orders
     }
-}
-
-fn scenario(root: &Section<'_>) -> Option<Scenario> {
-    root.allow(&["fault", "battery", "press"]);
-    let faults: Vec<_> = root.tables("fault", MOST, "").iter().map(fault).collect();
-    let batteries: Vec<_> = root.tables("battery", MOST, "").iter().map(battery).collect();
-    let presses: Vec<_> = root.tables("press", MOST, "").iter().map(press).collect();
-    let orders: Option<Vec<_>> = faults.into_iter().chain(batteries).chain(presses).collect();
-    orders.map(Scenario::new)
 }
 
 fn fault(section: &Section<'_>) -> Option<(i64, Order)> {

@@ -9,6 +9,7 @@ use super::robot::number;
 use super::{Beacon, Floor, Ground, Mark, RemotePress, RobotModel, StartPose, Surfaces, World};
 use crate::document::{Item, Kind, Section, Severity};
 use crate::ev3dev::Colour;
+use crate::sim::fault::Scenario;
 use crate::units::radians;
 
 /// Furthest from the origin that anything stands, metres.
@@ -20,10 +21,11 @@ pub(super) fn world(root: &Section<'_>) -> Option<World> {
     if root.is_of_another_kind(Kind::World) {
         return None;
     }
-    root.allow(&[
+    let own = [
         "name", "floor", "wall", "block", "circle", "line", "patch", "start", "remote", "beacon",
         "robot",
-    ]);
+    ];
+    root.allow(&[own.as_slice(), &Scenario::KEYS].concat());
     let name = root.require("name")?.text()?.to_owned();
     let mut world = World {
         name,
@@ -34,6 +36,7 @@ pub(super) fn world(root: &Section<'_>) -> Option<World> {
         starts: Vec::new(),
         remote: things(root, "remote").iter().filter_map(press).collect(),
         beacon: root.section("beacon").and_then(|section| beacon(&section)),
+        scenario: Scenario::read(root).unwrap_or_default(),
         robot: root
             .section("robot")
             .map_or_else(RobotModel::default, |section| RobotModel::read(&section)),

@@ -27,8 +27,11 @@ next = [
 [machine.drive.state.end]
 
 [machine.see]
+final = "seen"
 [machine.see.state.see]
 do = { say = "{drive.state == hop} {drive.state == hop.rest} {drive.hop.way_m}" }
+next = [{ when = "time_s > 100", go = "seen" }]
+[machine.see.state.seen]
 
 [submachine.hop]
 start = "on"

@@ -209,7 +209,7 @@ fn the_manual_has_a_page_for_each_command_that_is_shown_and_bash_completes_just_
     let methods: Vec<&str> =
         fish.split("complete -c ").filter(|c| c.contains("-l method")).collect();
     assert!(
-        methods.len() == 2 && methods.iter().all(|one| one.contains("odometry")),
+        methods.len() == 3 && methods.iter().all(|one| one.contains("odometry")),
         "{methods:?}"
     );
     let zsh = std::fs::read_to_string(share.join("zsh/site-functions/_onbrick")).unwrap();

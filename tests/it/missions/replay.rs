@@ -3,6 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::Command;
 
+use onbrick::mapping::Method;
 use onbrick::recording::Run;
 use onbrick::runtime::{Source, replay, replay_with};
 use onbrick::sim::World;
@@ -173,6 +174,20 @@ fn the_same_robot_makes_the_same_map_again() {
     assert_eq!(again.keyframes, run.keyframes);
     assert_eq!(again.points_now(), run.points_now());
     assert_eq!(again.map, run.map);
+}
+
+#[test]
+fn another_method_makes_another_path_of_the_same_ticks() {
+    let played = play_in("map", "arena", 1);
+    let run = played.run();
+    let file = played.folder.path().join("again.mcap");
+    let remade = replay_with(&run, None, Some(Method::Odometry), &file).unwrap();
+    assert_eq!(remade.ticks, played.ended.ticks);
+    let again = Run::open(&file).unwrap();
+    assert_eq!(again.info.as_ref().unwrap().method, Method::Odometry);
+    assert!(!run.keyframes.is_empty() && again.keyframes.is_empty(), "odometry is not corrected");
+    assert_ne!(again.poses.last().unwrap().pose, run.poses.last().unwrap().pose);
+    assert!(replay(&again).unwrap().is_same(), "what was remade replays too");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 //! simulated brick's own drivers.
 
 use onbrick::behavior::{Capabilities, Mission};
+use onbrick::clock::SECOND_NS;
 use onbrick::robot::{BindError, Robot, RobotConfig};
 use onbrick::runtime::{Source, StopReason};
 use onbrick::senses::Channel;
@@ -169,8 +170,8 @@ fn a_simulated_robot_has_its_sensors_where_its_file_says() {
     let world = onbrick::simulated::furnished(world, &config).text;
     let beside = "sensor.side > 1.85 and sensor.side < 2.05";
     let mission = steps(&[
-        ("forward_mps = 0.25", &format!("touch and not sensor.rear and {beside}")),
-        ("forward_mps = -0.25", &format!("sensor.rear and not touch and {beside}")),
+        ("forward_mps = 0.18", &format!("touch and not sensor.rear and {beside}")),
+        ("forward_mps = -0.18", "sensor.rear and not touch"),
         ("drive_m = 0.3", "done"),
         ("turn_deg = -90", "done"),
         // Too far for an echo, which is infinite.
@@ -182,12 +183,28 @@ fn a_simulated_robot_has_its_sensors_where_its_file_says() {
 }
 
 #[test]
+fn a_world_presses_the_bricks_buttons_and_pulls_its_plugs() {
+    let world = room(
+        "[[press]]\nat_s = 9\nbutton = \"up\"\n[[fault]]\nat_s = 12\nport = \"in1\"\n\
+         kind = \"unplug\"\n",
+    );
+    let mission = steps(&[(STILL, "button_up"), (STILL, "time_s > 15 and range_m > 0")]);
+    let played = play_mission(&mission, ROBOT, &world);
+    assert_eq!(played.ended.stop.reason, StopReason::Lost(Channel::Range), "{}", played.ended);
+    let run = played.run();
+    let pressed = run.transitions.first().expect("a button was pressed");
+    let since_ns = pressed.time_ns - run.info.as_ref().unwrap().start_ns;
+    assert!((SECOND_NS..5 * SECOND_NS).contains(&since_ns), "{pressed:?}");
+}
+
+#[test]
 fn two_sensors_of_a_kind_are_told_apart_by_their_names() {
     // A black patch that only the left eye comes over, and a bumper that nothing presses.
     let world = room(
         "[floor]\ncolour = \"white\"\n[[patch]]\npoints = [[0.3, 0], [1, 0], [1, 0.5], \
          [0.3, 0.5]]\ncolour = \"black\"\n[robot.ports]\nin1 = \"touch\"\nin2 = \"colour\"\n\
-         [robot]\nhead = \"none\"\n[robot.sensors]\nin2.at_m = [0.07, 0.03]\nin3.at_m = [0.07, -0.03]\n",
+         [robot]\nhead = \"none\"\n[robot.sensors]\nin2.at_m = [0.07, 0.03]\nin3.at_m = [0.07, \
+         -0.03]\n",
     );
     let (wheels, _) = ROBOT.split_once("[head]").unwrap();
     let robot = format!(
