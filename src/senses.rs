@@ -25,6 +25,7 @@
 //! Nothing is read here (`robot`), and nothing is concluded (`mapping`). What is worked out from
 //! readings - heading, position, times - has its names in `behavior`.
 
+#[cfg(feature = "tick")]
 mod mount;
 mod readings;
 mod told;
@@ -34,6 +35,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+#[cfg(feature = "tick")]
 pub use mount::Mount;
 pub use readings::{Reading, Senses};
 pub use told::told;
