@@ -49,7 +49,7 @@ fn body(robot: &RobotConfig) -> String {
         left.ratio < 0.0,
         right.ratio < 0.0,
     );
-    let mut mounts = String::new();
+    let (mut mounts, mut placed) = (String::new(), Vec::new());
     let mut ports: BTreeMap<String, &str> =
         EV3.outputs.into_iter().chain(EV3.inputs).map(|port| (port.to_owned(), "none")).collect();
     // What has no port of its own is on the first input that is free.
@@ -95,11 +95,20 @@ fn body(robot: &RobotConfig) -> String {
         };
         let Some(measured) = measured else { continue };
         let infrared = robot.range.as_ref().is_some_and(|range| range.max_m < INFRARED_M);
-        let mount = robot.mounts.get(role).map(Mount::to_toml).unwrap_or_default();
-        if let Some(port) = plug(port.as_ref(), kind(measured, infrared))
-            && !mount.is_empty()
+        let kind = kind(measured, infrared);
+        let mount = robot.mounts.get(role).copied().unwrap_or_default();
+        if let Some((other, ..)) = placed.iter().find(|(_, placed)| *placed == (kind, mount)) {
+            let (one, other) = (robot.section(*role), robot.section(*other));
+            log::warn!(
+                "[{one}] and [{other}] measure the same in the simulation: `at_m` and \
+                 `facing_deg` in them say where each is"
+            );
+        }
+        placed.push((*role, (kind, mount)));
+        if let Some(port) = plug(port.as_ref(), kind)
+            && mount != Mount::default()
         {
-            mounts.push_str(&format!("[robot.sensors.{port}]\n{mount}"));
+            mounts.push_str(&format!("[robot.sensors.{port}]\n{}", mount.to_toml()));
         }
     }
     if let Some(StopButton::Touch(port)) = &robot.stop_button {

@@ -30,6 +30,9 @@
 //!   the robot 15 to 30 cm apart along the wall, seen squarely: a third of the walls was lost, and
 //!   the share of false ones was no smaller.
 //! - Stretches from 25 cm on: twice the share of false walls.
+//! - Round columns of 30 cm become walls of half a metre: 9 of 165 walls in 24 runs of furnished
+//!   rooms, all the false ones. Neither by how far beside squarely it was heard nor by how much its
+//!   points move along it with the robot can one be told from a block's face.
 //! - In long runs, instead of a part of the sights, only spots with an eighth of the points of the
 //!   fullest one within 6 cm: in real scans 72 % of the walls found are right for 84 %.
 

@@ -30,7 +30,7 @@ impl Mount {
         Some(Self { at_m: at_m?, facing_deg: facing_deg? })
     }
 
-    /// As a file has it; empty where everything is as usual.
+    /// As a file has it.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let at_m = self.at_m.map(|at_m| format!("at_m = {at_m:?}\n"));

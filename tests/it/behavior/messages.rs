@@ -237,6 +237,7 @@ fn cases() -> Vec<(&'static str, String)> {
         ("a motion and a speed", state("do = { drive_m = 1, forward_mps = 0.1 }")),
         ("a speed without a motion", state("do = { turn_dps = 20, speed_mps = 0.1 }")),
         ("a place of three numbers", state("do = { goto = [1, 2, 3] }")),
+        ("several places", state("do = { goto = [[1, 2], [3, 4]] }")),
         ("an arc without a radius", state("do = { arc = { turn_deg = 90 } }")),
         ("what remembers in a motion", state("do = { drive_m = \"pid(x_m, 1, 0, 0)\" }")),
         ("motions on entry", state("on_entry = { drive_m = 1 }")),

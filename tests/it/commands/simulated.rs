@@ -479,6 +479,18 @@ fn every_shipped_robot_drives_in_any_world_and_the_one_of_the_folder_is_treated_
     std::fs::create_dir(&brick).unwrap();
     let said = run(folder.path(), &["doctor", "--brick", "no-brick"]);
     assert!(said.out.contains("with the robot of robot.toml"), "{}", said.out);
+    // Two sensors in one place would follow no line.
+    let text = std::fs::read_to_string(folder.path().join("robot.toml")).unwrap();
+    let eye = "[sensor.eye]\nport = \"in1\"\nmeasures = \"reflect_pct\"\n";
+    let text = text.replace("[touch]\nport = \"in1\"\n", "");
+    for (more, warns) in [("", true), ("at_m = [0.07, 0.02]\n", false)] {
+        std::fs::write(folder.path().join("two.toml"), format!("{text}\n{eye}{more}")).unwrap();
+        let line =
+            ["run", "line", "--sim", "line", "--robot", "two.toml", "--set", "time_limit_s=1"];
+        let said = run(folder.path(), &line).expect(0);
+        let warning = "[sensor.eye] and [colour] measure the same in the simulation";
+        assert_eq!(said.err.contains(warning), warns, "{}", said.err);
+    }
     // What it has not, a mission cannot ask for.
     let said = run(folder.path(), &["run", "map", "--sim", "arena"]).expect(3);
     assert!(said.err.contains("[head] in the robot's file would be that part"), "{}", said.err);

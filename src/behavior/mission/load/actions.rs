@@ -306,6 +306,11 @@ impl<'d> Reader<'_, 'd, '_> {
             }
             _ => {
                 let list = item.list()?;
+                if list.iter().any(Item::is_list) {
+                    item.error("`goto` is one place, and this has several")
+                        .hint("make a state for each, with `done` between them");
+                    return None;
+                }
                 let [x, y] = list.as_slice() else {
                     item.error(format!(
                         "`goto` is a place, and this has {}",
