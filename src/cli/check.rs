@@ -51,14 +51,15 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let (mut broken, mut has_all_hints) = (0_usize, true);
     for path in &arguments.missions {
         let source = match read_mission(path) {
-            Ok(source) => of_submachines(path, source),
+            Ok(source) => source,
             Err(unread) => {
                 broken += 1;
                 show_unread(path, &unread, output);
                 continue;
             }
         };
-        let (mission, findings) = match source.mission(&capabilities) {
+        let using = using_submachines(path, &source);
+        let (mission, findings) = match using.as_ref().unwrap_or(&source).mission(&capabilities) {
             Ok((mission, warnings)) => (Some(mission), warnings),
             Err(findings) => (None, findings),
         };
@@ -74,8 +75,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             needs: &needs,
             ..Checked::default()
         };
-        let verdict =
-            mission.as_ref().map_or_else(|| "broken".to_owned(), |it| summary(it, &needs));
+        let verdict = match &mission {
+            None => "broken".to_owned(),
+            // The mission around it is none that a person has written.
+            Some(_) if using.is_some() => "in order: a part of missions".to_owned(),
+            Some(mission) => summary(mission, &needs),
+        };
         output.show(format!("{findings}{}: {verdict}", source.name), &checked);
     }
     if broken == 0 {
@@ -86,12 +91,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     Err(if has_all_hints { failure } else { failure.hint(SHOW_MISSION) })
 }
 
-/// A file that has nothing but sub-machines is checked in a mission that uses each of them.
-fn of_submachines(path: &Path, source: Source) -> Source {
-    match submachines::using(&source.text, &source.name) {
-        Some(text) => Source { text, ..source }.with_submachines(path.parent()),
-        None => source,
-    }
+/// A mission that uses each sub-machine of a file, where that has nothing else.
+fn using_submachines(path: &Path, source: &Source) -> Option<Source> {
+    let text = submachines::using(&source.text, &source.name)?;
+    Some(Source { text, ..source.clone() }.with_submachines(path.parent()))
 }
 
 /// An unreadable file does not stop the check of the others.

@@ -9,7 +9,7 @@ use crate::document::Section;
 
 /// Where a sensor is on a simulated robot, and where it looks. What is left out is as usual for its
 /// kind: a touch sensor is behind the front bumper, a colour sensor 7 cm ahead of the axle, and a
-/// range sensor on the head.
+/// range sensor on the head. A touch sensor takes the whole of the side to which it looks.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Mount {
     /// Metres ahead of the axle and to the left of the middle; −1 to 1.

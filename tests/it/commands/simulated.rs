@@ -479,6 +479,14 @@ fn every_shipped_robot_drives_in_any_world_and_the_one_of_the_folder_is_treated_
     std::fs::create_dir(&brick).unwrap();
     let said = run(folder.path(), &["doctor", "--brick", "no-brick"]);
     assert!(said.out.contains("with the robot of robot.toml"), "{}", said.out);
+    // A check is for the same robot, and of sub-machines as well.
+    let said = run(folder.path(), &["check", "map"]).expect(3);
+    assert!(said.out.contains("[head] in the robot's file would be that part"), "{}", said.out);
+    run(folder.path(), &["new", "submachine", "home.toml", "--from", "come-home"]).expect(0);
+    let said = run(folder.path(), &["check", "home.toml"]).expect(0);
+    assert!(said.out.ends_with("home.toml: in order: a part of missions\n"), "{}", said.out);
+    let said = run(folder.path(), &["run", "home.toml", "--sim", "open"]).expect(3);
+    assert!(said.err.contains("this file is a sub-machine, not a mission"), "{}", said.err);
     // Two sensors in one place would follow no line.
     let text = std::fs::read_to_string(folder.path().join("robot.toml")).unwrap();
     let eye = "[sensor.eye]\nport = \"in1\"\nmeasures = \"reflect_pct\"\n";
