@@ -22,6 +22,7 @@
 
 use std::io;
 
+use crate::behavior::demands::towards;
 use crate::behavior::{Demands, Drive};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
@@ -63,10 +64,6 @@ pub use stop::stop_button_answers;
 /// How near the head must come to what is asked of it, radians: half a degree, less than the gears'
 /// play.
 const HEAD_NEAR_RAD: f64 = 0.0087;
-
-/// How fast the head turns for each radian that is missing, per second: it slows down on the last
-/// stretch instead of swinging over.
-const HEAD_GAIN_PER_S: f64 = 10.0;
 
 /// A robot whose roles are bound to devices.
 #[derive(Debug)]
@@ -427,8 +424,7 @@ impl Robot {
         };
         let missing_rad = wanted_rad.clamp(-role.limit_rad, role.limit_rad) - head_rad;
         let most_rad_s = demands.head_rad_s.unwrap_or(role.speed_rad_s).clamp(0.0, role.max_rad_s);
-        let head_rad_s = (missing_rad * HEAD_GAIN_PER_S).clamp(-most_rad_s, most_rad_s);
-        if missing_rad.abs() < HEAD_NEAR_RAD { 0.0 } else { head_rad_s }
+        towards(missing_rad, HEAD_NEAR_RAD, most_rad_s)
     }
 
     /// Carries out what is for people: lights and tones.

@@ -46,6 +46,17 @@ impl Demands {
     }
 }
 
+/// How fast what is turned to an angle turns for each radian that is missing, per second: it slows
+/// down on the last stretch instead of swinging over.
+const GAIN_PER_S: f64 = 10.0;
+
+/// The speed that takes an axle to an angle, radians per second: 0 where less than `near_rad` is
+/// missing, and at most `most_rad_s`.
+pub(crate) fn towards(missing_rad: f64, near_rad: f64, most_rad_s: f64) -> f64 {
+    let rad_s = (missing_rad * GAIN_PER_S).clamp(-most_rad_s, most_rad_s);
+    if missing_rad.abs() < near_rad { 0.0 } else { rad_s }
+}
+
 /// What the two wheels do. Every number is finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Drive {

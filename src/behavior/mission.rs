@@ -45,6 +45,7 @@
 //! | `explore_m` | drives where the map is not known, no further than this from the start, metres, and looks round, until nothing is left that can be reached; `keep_m` (0.15 if left out), `speed_mps`, `speed_dps`; takes a range sensor, and moves the head, too |
 //! | `head_deg` | where the head points, degrees anticlockwise from straight ahead |
 //! | `motor.NAME` | speed of a named motor, degrees per second |
+//! | `motor_deg.NAME` | the angle that a named motor turns to, degrees from where it stood at the run's start; at the speed of `motor.NAME`, whatever its sign, or else at its `max_dps` |
 //! | `led` | `"off"`, `"green"`, `"red"`, `"orange"`, `"yellow"` |
 //! | `tone_hz` | a tone: for `tone_s` seconds, or as long as the state |
 //! | `tune` | notes (see [`super::tune`]), `tempo_bpm` quarter notes a minute |
@@ -53,7 +54,7 @@
 //!
 //! Numbers may be expressions in quotes (see [`super::expression`]). Those of a motion that ends
 //! are taken once, when its state is entered. The condition `done` holds when all that ends has
-//! ended: the motion, the head's way, a tone with a length, a tune.
+//! ended: the motion, the head's way and those of motors, a tone with a length, a tune.
 //!
 //! `on_entry` and `on_exit` know lights, sounds and `say`; a tone without a length lasts 0.2 s
 //! there. A sound continues when its state is left, until it is over or the machine begins another
@@ -149,7 +150,7 @@ mod plan;
 mod program;
 
 pub(super) use load::can_be_name;
-use plan::{Assignment, DrivePlan, GoalPlan, MotionPlan, Outputs, SoundPlan};
+use plan::{Assignment, DrivePlan, GoalPlan, MotionPlan, MotorPlan, Outputs, SoundPlan};
 pub use plan::{MachinePlan, RegionPlan, StatePlan, TransitionPlan};
 pub use program::{Program, ProgramState};
 

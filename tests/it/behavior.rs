@@ -245,6 +245,37 @@ fn what_is_done_on_entry_and_on_exit_is_done_once() {
 }
 
 #[test]
+fn a_motor_turns_to_an_angle_that_is_taken_once_and_is_done_there() {
+    let mission = load(
+        "name = \"m\"\n[machine.m]\nfinal = \"end\"\n[machine.m.state.on]\n\
+         do = { motor.arm = -50, motor_deg.arm = \"motor.arm + 90\" }\n\
+         next = [{ when = \"done\", go = \"back\" }]\n[machine.m.state.back]\n\
+         do = { motor_deg.arm = 0 }\nnext = [{ when = \"done\", go = \"end\" }]\n\
+         [machine.m.state.end]\n",
+    );
+    let mut program = mission.start().unwrap();
+    let turn = |program: &mut Program, ms, arm_deg: f64| {
+        let arm = (Signal::Sensed(Channel::Motor0), arm_deg.to_radians());
+        let (demands, progress) = step(program, &signals(ms, &[arm]));
+        assert_eq!(demands.motors[1..], [None; 3]);
+        (demands.motors[0].map(|rad_s| rad_s.to_degrees().round()), progress)
+    };
+    assert_eq!(turn(&mut program, 0, 10.0), (Some(50.0), Progress::Running));
+    // One that goes on from here goes to where this one goes, and not by 90 degrees more.
+    let state = program.state();
+    program = mission.start().unwrap();
+    assert!(program.restore(&state));
+    assert_eq!(turn(&mut program, 20, 60.0).0, Some(50.0));
+    assert_eq!(turn(&mut program, 40, 98.0).0, Some(20.0), "it slows down");
+    assert_eq!(turn(&mut program, 60, 110.0).0, Some(-50.0), "and comes back");
+    assert_eq!(step(&mut program, &signals(80, &[])).0.motors[0], Some(0.0), "where is it?");
+    assert_eq!(turn(&mut program, 100, 99.5).0, Some(0.0));
+    assert_eq!(turn(&mut program, 120, 99.5).0, Some(-995.0), "as fast as the robot allows");
+    assert_eq!(turn(&mut program, 140, 1.5).0, Some(-15.0));
+    assert_eq!(turn(&mut program, 160, 1.5), (None, Progress::Finished));
+}
+
+#[test]
 fn nothing_moves_while_the_last_sound_of_a_mission_is_heard() {
     let mission = load(
         "name = \"m\"\nfinish = \"any\"\n[machine.drive.state.on]\n\

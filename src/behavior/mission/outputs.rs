@@ -5,7 +5,7 @@ use arrayvec::ArrayVec;
 use super::program::Ongoing;
 use super::{DrivePlan, GoalPlan, MotionPlan, Outputs, SoundPlan};
 use crate::behavior::blackboard::Scope;
-use crate::behavior::demands::{Demands, Drive};
+use crate::behavior::demands::{Demands, Drive, towards};
 use crate::behavior::expression::Expression;
 use crate::behavior::motion::{Goal, Order};
 use crate::behavior::navigation;
@@ -17,6 +17,9 @@ use crate::units::radians;
 
 /// So near to where it should be the head has arrived, radians; it stops at half of that.
 const HEAD_NEAR_RAD: f64 = 0.0175;
+
+/// The same for a named motor: two degrees, as one that is geared up has coarse steps.
+const MOTOR_NEAR_RAD: f64 = 0.035;
 
 impl Outputs {
     /// Adds what is asked for to the demands of a tick. True where something ends, and has ended.
@@ -61,10 +64,24 @@ impl Outputs {
                 (target_rad - head_rad).abs() < HEAD_NEAR_RAD
             });
         }
-        for (place, dps) in &self.motors_dps {
-            if let Some(motor) = demands.motors.get_mut(usize::from(*place)) {
-                *motor = Some(finite(dps).map_or(0.0, radians));
-            }
+        for motor in &self.motors {
+            let dps = motor.dps.as_ref().map_or(Some(f64::INFINITY), finite);
+            let rad_s = dps.map_or(0.0, radians);
+            let at = usize::from(motor.place);
+            let rad_s = match &motor.to_deg {
+                None => rad_s,
+                Some(to_deg) => {
+                    let to_rad = &mut ongoing.motors_to_rad[at];
+                    *to_rad = to_rad.or_else(|| finite(to_deg).map(radians));
+                    let now_rad = signals.get(Signal::Sensed(Channel::MOTORS[at]));
+                    let missing_rad = to_rad.zip(now_rad).map(|(to_rad, now_rad)| to_rad - now_rad);
+                    has_ended &= missing_rad.is_some_and(|missing| missing.abs() < MOTOR_NEAR_RAD);
+                    missing_rad.map_or(0.0, |missing_rad| {
+                        towards(missing_rad, MOTOR_NEAR_RAD / 2.0, rad_s.abs())
+                    })
+                }
+            };
+            demands.motors[at] = Some(rad_s);
         }
         demands.led = self.led.or(demands.led);
         match &self.sound {
@@ -95,6 +112,7 @@ impl Outputs {
     pub(super) fn ends(&self) -> bool {
         matches!(self.drive, Some(DrivePlan::Motion(_) | DrivePlan::Navigation { .. }))
             || self.head_deg.is_some()
+            || self.motors.iter().any(|motor| motor.to_deg.is_some())
             || matches!(self.sound, Some(SoundPlan::Tone { .. } | SoundPlan::Tune(_)))
     }
 
@@ -104,14 +122,15 @@ impl Outputs {
         let moves_head = self.head_deg.is_some()
             || matches!(self.drive, Some(DrivePlan::Navigation { moves_head: true, .. }));
         let head = moves_head.then_some(Role::Head);
-        let motors = self.motors_dps.iter().map(|(place, _)| Role::Motor(*place));
+        let motors = self.motors.iter().map(|motor| Role::Motor(motor.place));
         wheels.into_iter().chain(head).chain(motors)
     }
 
     /// Every number in it that is an expression.
     pub(super) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut Expression> {
         let drive = self.drive.as_mut().map(DrivePlan::expressions_mut).unwrap_or_default();
-        let motors = self.motors_dps.iter_mut().map(|(_, dps)| dps);
+        let motors = self.motors.iter_mut();
+        let motors = motors.flat_map(|motor| motor.dps.iter_mut().chain(&mut motor.to_deg));
         let tone_hz = self.sound.iter_mut().filter_map(|sound| match sound {
             SoundPlan::Lasting { hz } | SoundPlan::Tone { hz, .. } => Some(hz),
             SoundPlan::Tune(_) => None,

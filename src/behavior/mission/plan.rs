@@ -80,10 +80,21 @@ pub(super) struct Assignment {
 pub(super) struct Outputs {
     pub(super) drive: Option<DrivePlan>,
     pub(super) head_deg: Option<Expression>,
-    pub(super) motors_dps: Vec<(u8, Expression)>,
+    pub(super) motors: Vec<MotorPlan>,
     pub(super) led: Option<LightColour>,
     pub(super) sound: Option<SoundPlan>,
     pub(super) say: Option<Telling>,
+}
+
+/// What a named motor does.
+#[derive(Debug, Clone)]
+pub(super) struct MotorPlan {
+    /// Which one, by its place in the capabilities.
+    pub(super) place: u8,
+    /// How fast: on and on, or as far as `to_deg`; as fast as the robot's file allows without it.
+    pub(super) dps: Option<Expression>,
+    /// Where its way ends.
+    pub(super) to_deg: Option<Expression>,
 }
 
 #[derive(Debug, Clone)]

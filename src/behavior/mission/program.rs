@@ -15,7 +15,7 @@ use crate::behavior::motion::{MotionLimits, MotionState};
 use crate::behavior::navigation::NavigationState;
 use crate::behavior::signals::Signals;
 use crate::behavior::tune::{Playing, Sound, Tune};
-use crate::behavior::{MAX_MACHINES, Taken};
+use crate::behavior::{MAX_MACHINES, MAX_MOTORS, Taken};
 use crate::clock::seconds;
 use crate::planning::{Clearance, Plan, Request};
 use crate::senses::Role;
@@ -55,6 +55,8 @@ pub(super) struct Ongoing {
     pub(super) motion: MotionState,
     pub(super) navigation: NavigationState,
     pub(super) limits: MotionLimits,
+    /// Where the ways of the named motors end, radians.
+    pub(super) motors_to_rad: [Option<f64>; MAX_MOTORS],
     /// The mission's tunes.
     tunes: Vec<Tune>,
     /// What each machine has begun to play.
@@ -62,6 +64,18 @@ pub(super) struct Ongoing {
 }
 
 impl Ongoing {
+    /// A state is entered that moves a part of the robot.
+    fn begin(&mut self, role: Role) {
+        match role {
+            Role::Wheels => {
+                self.motion = MotionState::default();
+                self.navigation.reset();
+            }
+            Role::Motor(place) => self.motors_to_rad[usize::from(place)] = None,
+            _ => {}
+        }
+    }
+
     /// Whether what a machine has begun to play is not over.
     pub(super) fn is_playing(&self, machine: usize) -> bool {
         self.playing.get(machine).is_some_and(Option::is_some)
@@ -96,6 +110,8 @@ pub struct ProgramState {
     motion: MotionState,
     #[serde(default)]
     navigation: NavigationState,
+    #[serde(default)]
+    motors_to_rad: [Option<f64>; MAX_MOTORS],
     /// What each machine plays.
     playing: ArrayVec<Option<Playing>, MAX_MACHINES>,
 }
@@ -231,6 +247,7 @@ impl Program {
             pids: pids.take(self.states.len()).collect(),
             motion: self.turn.ongoing.motion,
             navigation: self.turn.ongoing.navigation.clone(),
+            motors_to_rad: self.turn.ongoing.motors_to_rad,
             playing: self.turn.ongoing.playing.iter().take(self.states.len()).copied().collect(),
         }
     }
@@ -249,6 +266,7 @@ impl Program {
         let Turn { board, ongoing, .. } = &mut self.turn;
         ongoing.motion = state.motion;
         ongoing.navigation.clone_from(&state.navigation);
+        ongoing.motors_to_rad = state.motors_to_rad;
         ongoing.playing[..state.playing.len()].copy_from_slice(&state.playing);
         for (index, (at, pids)) in state.machines.iter().zip(&state.pids).enumerate() {
             let entered_ns: ArrayVec<i64, LEVELS> =
@@ -354,7 +372,7 @@ fn actions(
     let set = plan.set.clone();
     // Its sound begins when the state is entered.
     let at_entry = doing.clone();
-    let moves = doing.roles().any(|role| role == Role::Wheels);
+    let roles: Vec<Role> = doing.roles().collect();
     let state = state
         .entering(move |turn, _| {
             turn.board.enter(machine, at, level);
@@ -362,9 +380,8 @@ fn actions(
                 turn.board.set_done(machine, outer, is_end);
             }
             turn.set(place, &set);
-            if moves {
-                turn.ongoing.motion = MotionState::default();
-                turn.ongoing.navigation.reset();
+            for role in &roles {
+                turn.ongoing.begin(*role);
             }
             turn.apply(place, &entry);
             let scope = place.sees(&turn.board);

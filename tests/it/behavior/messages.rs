@@ -159,7 +159,8 @@ fn cases() -> Vec<(&'static str, String)> {
             "values out of range",
             mission(
                 "rate_hz = 500\ntime_limit_s = 0",
-                "[machine.drive.state.a]\ndo = { head_deg = 5000, tone_hz = 5, motor.arm = nan }\n\
+                "[machine.drive.state.a]\ndo = { head_deg = 5000, tone_hz = 5, motor.arm = nan, \
+                 motor_deg.arm = 40000 }\n\
                  next = [{ when = \"touch\", go = \"b\" }]\n[machine.drive.state.b]",
             ),
         ),

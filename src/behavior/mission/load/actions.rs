@@ -7,7 +7,7 @@ use std::ops::Range;
 use super::signs::SIGNS;
 use super::{Outputs, Reader};
 use crate::behavior::expression::{Expression, Mistake};
-use crate::behavior::mission::{DrivePlan, GoalPlan, MotionPlan};
+use crate::behavior::mission::{DrivePlan, GoalPlan, MotionPlan, MotorPlan};
 use crate::document::{Item, Section};
 use crate::ev3dev::StopAction;
 use crate::senses::{QUANTITIES, Role};
@@ -17,7 +17,7 @@ use crate::units::{counted, degrees, radians};
 pub(super) fn actions() -> Vec<&'static str> {
     let drives = DRIVES.iter().map(|(key, _)| *key);
     let of_motions = OF_MOTIONS.iter().map(|(key, _)| *key);
-    drives.chain(of_motions).chain(["head_deg", "motor"]).chain(SIGNS).collect()
+    drives.chain(of_motions).chain(["head_deg", "motor", "motor_deg"]).chain(SIGNS).collect()
 }
 
 /// A speed that the robot's file does not allow.
@@ -61,6 +61,8 @@ const HEAD_DEG: (f64, f64) = (-720.0, 720.0);
 /// How far a motion may go: metres, and degrees; ten turns are for dancing.
 const WAY_M: (f64, f64) = (-100.0, 100.0);
 const TURN_DEG: (f64, f64) = (-3600.0, 3600.0);
+/// Where a named motor may turn to: a winch of a hundred turns.
+const MOTOR_DEG: (f64, f64) = (-36_000.0, 36_000.0);
 /// How fast it may be asked to be: a speed has no direction there.
 const SPEED_MPS: (f64, f64) = (0.001, MPS.1);
 const SPEED_DPS: (f64, f64) = (1.0, DPS.1);
@@ -102,9 +104,8 @@ impl<'d> Reader<'_, 'd, '_> {
             self.head_is_within_reach(&item, &head_deg);
             Some(head_deg)
         });
-        let motors_dps =
-            table.items_of("motor").iter().filter_map(|item| self.motor(item, moves)).collect();
-        Outputs { drive, head_deg, motors_dps, ..self.telling(table, None) }
+        let motors = self.motors(table, moves);
+        Outputs { drive, head_deg, motors, ..self.telling(table, None) }
     }
 
     fn drive(&mut self, table: &Section<'d>, moves: &mut Moves) -> Option<DrivePlan> {
@@ -367,19 +368,36 @@ impl<'d> Reader<'_, 'd, '_> {
         Some(DrivePlan::Wheels { left_dps, right_dps })
     }
 
-    fn motor(&mut self, item: &Item<'d>, moves: &mut Moves) -> Option<(u8, Expression)> {
+    /// What the named motors do, one by one.
+    fn motors(&mut self, table: &Section<'d>, moves: &mut Moves) -> Vec<MotorPlan> {
+        let mut motors: Vec<MotorPlan> = Vec::new();
+        for key in ["motor", "motor_deg"] {
+            for item in &table.items_of(key) {
+                let Some(place) = self.motor(item, moves) else { continue };
+                let at = motors.iter().position(|motor| motor.place == place);
+                let at = at.unwrap_or_else(|| {
+                    motors.push(MotorPlan { place, dps: None, to_deg: None });
+                    motors.len() - 1
+                });
+                if key == "motor" {
+                    motors[at].dps = self.motor_speed(item, place);
+                } else {
+                    // As those of every motion that ends, it is taken once.
+                    let pids = self.vocabulary.pids.take();
+                    motors[at].to_deg = self.number(item, MOTOR_DEG);
+                    self.vocabulary.pids = pids;
+                }
+            }
+        }
+        motors
+    }
+
+    /// The place of a named motor, which is moved.
+    fn motor(&mut self, item: &Item<'d>, moves: &mut Moves) -> Option<u8> {
         match self.vocabulary.motors.place(item.key()) {
             Ok(place) => {
                 self.moves(Role::Motor(place), item, moves);
-                let dps = self.number(item, DPS)?;
-                let motors = self.vocabulary.capabilities.motors.as_ref();
-                let motor = motors.and_then(|motors| motors.get(usize::from(place)));
-                let max_dps = motor.map_or(f64::INFINITY, |(_, max_rad_s)| degrees(*max_rad_s));
-                if dps.in_a_run().is_some_and(|dps| dps.abs() > max_dps * (1.0 + 1e-9)) {
-                    item.warning(MOTOR_TOO_FAST)
-                        .hint(format!("it turns at {max_dps:.0} degrees a second"));
-                }
-                Some((place, dps))
+                Some(place)
             }
             Err(mistake) => {
                 let hint = self.vocabulary.motors.hint(item.key());
@@ -387,6 +405,17 @@ impl<'d> Reader<'_, 'd, '_> {
                 None
             }
         }
+    }
+
+    fn motor_speed(&mut self, item: &Item<'d>, place: u8) -> Option<Expression> {
+        let dps = self.number(item, DPS)?;
+        let motors = self.vocabulary.capabilities.motors.as_ref();
+        let motor = motors.and_then(|motors| motors.get(usize::from(place)));
+        let max_dps = motor.map_or(f64::INFINITY, |(_, max_rad_s)| degrees(*max_rad_s));
+        if dps.in_a_run().is_some_and(|dps| dps.abs() > max_dps * (1.0 + 1e-9)) {
+            item.warning(MOTOR_TOO_FAST).hint(format!("it turns at {max_dps:.0} degrees a second"));
+        }
+        Some(dps)
     }
 
     /// Notes that a part is moved; a finding where the robot does not have it.

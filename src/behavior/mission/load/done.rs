@@ -6,8 +6,8 @@ use crate::document::{Item, Severity};
 
 /// What `done` needs.
 const NOTHING_ENDS: &str = "`done` can never hold: nothing that the state does comes to an end";
-const ENDING_KEYS: [&str; 7] =
-    ["drive_m", "turn_deg", "arc", "goto", "explore_m", "head_deg", "tune"];
+const ENDING_KEYS: [&str; 8] =
+    ["drive_m", "turn_deg", "arc", "goto", "explore_m", "head_deg", "motor_deg", "tune"];
 
 /// Whether a state is to do something that ends, be it written in a way that is refused.
 pub(super) fn is_to_end(state: &Item<'_>) -> bool {
