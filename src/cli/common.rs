@@ -397,6 +397,15 @@ impl Progress {
         }
     }
 
+    /// Prints lines that stay, above the bar.
+    pub(super) fn above(&self, print: impl FnOnce()) {
+        #[cfg(feature = "host")]
+        if let Some(bar) = &self.bar {
+            return bar.suspend(print);
+        }
+        print();
+    }
+
     /// Takes the bar away.
     pub(super) fn finish(&self) {
         #[cfg(feature = "host")]

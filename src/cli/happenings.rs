@@ -1,4 +1,5 @@
-//! A run as a person sees it: a bar of its time, or line by line what happens in it (`-v`).
+//! A run as a person sees it: what its mission says, below it a bar of its time; or line by line
+//! all that happens in it (`-v`).
 //!
 //! What happens stands in the recording, and is read from there while that grows, so a line comes a
 //! sync later at most, and none is lost when a simulation is faster than a terminal.
@@ -39,18 +40,25 @@ impl Happenings {
         self.tell(output);
     }
 
-    /// Tells what has come since the last time; nothing without `-v`.
+    /// Tells what has come since the last time; without `-v` what the mission says.
     fn tell(&mut self, output: &mut Output) {
-        if !log::log_enabled!(log::Level::Info) {
-            return;
-        }
+        let all = log::log_enabled!(log::Level::Info);
         if self.moments.is_none() {
             self.moments = Moments::of(&self.recording).ok();
         }
         let Some(moments) = &mut self.moments else { return };
+        let progress = self.progress.as_ref();
         let told = moments.look(&mut |moment| {
-            output.value(moment);
-            log::info!("{moment}");
+            if all {
+                output.value(moment);
+                log::info!("{moment}");
+            } else if moment.is_said() {
+                let mut line = || output.line(moment.to_string());
+                match progress {
+                    Some(progress) => progress.above(line),
+                    None => line(),
+                }
+            }
         });
         if let Err(error) = told {
             log::warn!("cannot read {}: {}", self.recording.display(), with_causes(&error));

@@ -14,6 +14,7 @@ use super::about::{info, names};
 use super::growing::GrowingFile;
 use super::message;
 use super::run::{LogLine, Transition, log_line, transition};
+use super::status::SAYS;
 use super::topic::Topic;
 use super::walk::Found;
 use crate::clock::seconds;
@@ -27,6 +28,14 @@ pub enum Moment {
     Transition(Transition),
     /// The mission said or showed something, or the runtime has something to say.
     Log(LogLine),
+}
+
+impl Moment {
+    /// Whether it is what the mission says.
+    #[must_use]
+    pub fn is_said(&self) -> bool {
+        matches!(self, Self::Log(line) if line.text.starts_with(SAYS))
+    }
 }
 
 impl fmt::Display for Moment {

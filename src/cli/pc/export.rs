@@ -26,7 +26,7 @@ pub(in crate::cli) struct Arguments {
     /// Recordings.
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// csv: points.csv, path.csv, walls.csv, the straight stretches of at least half a metre that
+    /// csv: points.csv, path.csv, walls.csv, the straight stretches of at least 30 cm that
     /// the points make, with standard deviations, and signals.csv, a row a tick with all signals,
     /// what was demanded, and the machines' states; ply: points.ply; pgm: map.pgm and map.yaml, the
     /// occupancy grid, one of all the runs.

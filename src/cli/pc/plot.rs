@@ -50,7 +50,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
                 return Err(nothing("draw", &runs));
             }
             if matches!(kind, Kind::Dxf) && scene.walls.is_empty() {
-                let message = "nothing to draw: no wall of half a metre was found";
+                let message = "nothing to draw: no wall of 30 cm was found";
                 return Err(Failure::refused(message).hint("a picture, which shows the points"));
             }
             map(kind, &scene)

@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn no_wall_becomes_too_short_for_one() {
-        let walls = [wall([-0.1, 0.0], [0.42, 0.0]), wall([0.0, -1.0], [0.0, 1.0])];
+        let walls = [wall([-0.1, 0.0], [0.22, 0.0]), wall([0.0, -1.0], [0.0, 1.0])];
         assert_eq!(met(&walls, &walls)[0], walls[0]);
     }
 }

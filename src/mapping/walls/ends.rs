@@ -13,13 +13,10 @@
 //! - Without the pieces that echoes came from behind of: of the walls found in simulated rooms 99 %
 //!   are right for 98, in real scans 75 % for 79.
 
-use super::{PIECE_M, Spot, Stretch, Wall};
+use super::{PIECE_M, SHORTEST_M, Spot, Stretch, Wall};
 
 /// A wall ends where a piece has this share of the points that its pieces have in the median.
 const DENSE: f64 = 0.65;
-/// What is left of a wall is at least so long, metres: the faces of a block of half a metre, heard
-/// from beyond their ends, are walls of 0.8 m.
-const LEAST_M: f64 = 0.3;
 
 impl Stretch {
     /// The wall as far as its points are dense; all of it where that is too short for a wall.
@@ -46,6 +43,6 @@ impl Stretch {
         let [from_m, to_m] = [first.unwrap_or(self.ends_m[0]), last.unwrap_or(self.ends_m[1])];
         let whole = self.wall();
         let dense = Wall { from_m: self.line.place(from_m), to_m: self.line.place(to_m), ..whole };
-        if dense.length_m() < LEAST_M { whole } else { dense }
+        if dense.length_m() < SHORTEST_M { whole } else { dense }
     }
 }

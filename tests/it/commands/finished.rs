@@ -201,7 +201,7 @@ fn export_writes_every_format() {
     let whole = std::fs::read(folder.path().join("left.mcap")).unwrap();
     std::fs::write(folder.path().join("cut.mcap"), &whole[..3000]).unwrap();
     for (arguments, told) in [
-        (&["plot", "open/run.mcap", "-o", "walls.dxf"][..], "no wall of half a metre was found"),
+        (&["plot", "open/run.mcap", "-o", "walls.dxf"][..], "no wall of 30 cm was found"),
         (&["export", "open/run.mcap", "--format", "ply", "--out", "no"], "no point was found"),
         (&["export", "cut.mcap", "--format", "csv", "--out", "no"], "neither path nor points"),
         (&["export", "cut.mcap", "--format", "ply", "--out", "no"], "neither path nor points"),
