@@ -94,8 +94,11 @@ fn body(robot: &RobotConfig) -> String {
             role => role.quantities().next().map(|quantity| quantity.channel),
         };
         let Some(measured) = measured else { continue };
-        let infrared = robot.range.as_ref().is_some_and(|range| range.max_m < INFRARED_M);
-        let kind = kind(measured, infrared);
+        let infrared = *role == Role::Range
+            && robot.range.as_ref().is_some_and(|range| range.max_m < INFRARED_M);
+        let driver =
+            robot.drivers.get(role).and_then(|driver| SensorKind::word_of(driver.as_str()));
+        let kind = driver.unwrap_or_else(|| kind(measured, infrared));
         let mount = robot.mounts.get(role).copied().unwrap_or_default();
         if let Some((other, ..)) = placed.iter().find(|(_, placed)| *placed == (kind, mount)) {
             let (one, other) = (robot.section(*role), robot.section(*other));
@@ -121,7 +124,8 @@ fn body(robot: &RobotConfig) -> String {
     text + &mounts
 }
 
-/// A range sensor that is to see no farther than this is the infrared one, metres.
+/// A range sensor without a `driver` that is to see no farther than this is the infrared one,
+/// metres.
 const INFRARED_M: f64 = 0.75;
 
 /// What worlds call the sensor that measures a quantity: of a role's sensors the preferred one.
@@ -267,6 +271,21 @@ mod tests {
         let geared = bodied("name = \"w\"", &geared);
         assert_eq!((geared.drive, geared.drive_inverted), ([2, 3], [true, false]));
         assert!((geared.wheel_circumference_m - 0.094_488).abs() < 1e-9);
+        // Which of the two range sensors it is says the driver, and else how far it sees; of one
+        // with a name, the driver alone.
+        let range_of = |from: &str, to: &str| {
+            let eye = "[sensor.eye]\nmeasures = \"range_m\"\n# ";
+            let text = DEFAULT_ROBOT.replace("[touch] ", eye).replacen(from, to, 1);
+            let sensors = bodied("name = \"w\"", &text).plug.sensors;
+            [sensors[0], sensors[1]]
+        };
+        use crate::sim::SensorKind::{Infrared, Ultrasonic};
+        let far = "max_m = 2.0";
+        assert_eq!(range_of(far, far), [Some(Ultrasonic); 2]);
+        let [range, eye] = [Some(Infrared), Some(Ultrasonic)];
+        assert_eq!(range_of(far, "max_m = 0.6"), [range, eye]);
+        let driven = format!("{far}\ndriver = \"lego-ev3-ir\"");
+        assert_eq!(range_of(far, &driven), [range, eye]);
     }
 
     #[test]

@@ -198,6 +198,11 @@ impl MotionState {
         self.done
     }
 
+    /// Whether it has what it was told to do: else a number of that is not known, or infinite.
+    pub(super) fn has_order(&self) -> bool {
+        self.order.is_some()
+    }
+
     /// One tick: what the wheels are to do. Until the order and the robot's place are known they
     /// stand still.
     ///

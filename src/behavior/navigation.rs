@@ -231,6 +231,11 @@ impl NavigationState {
         self.plan.serial = serial;
     }
 
+    /// As [`MotionState::has_order`].
+    pub(super) fn has_order(&self) -> bool {
+        self.order.is_some()
+    }
+
     /// One tick: what the wheels are to do, and where the head is to point.
     ///
     /// - `order`: asked for once.

@@ -56,6 +56,18 @@ pub fn called(text: &str, name: &str) -> String {
     }
 }
 
+/// A file of sub-machines with the one of this name under another, by which missions use it; as it
+/// is where that cannot be a name.
+#[must_use]
+pub fn called_submachine(text: &str, own: &str, name: &str) -> String {
+    let is_bare = |letter: char| letter.is_ascii_alphanumeric() || "_-".contains(letter);
+    if !can_be_name(name) || !name.chars().all(is_bare) {
+        return text.to_owned();
+    }
+    let header = |own: &str| format!("[submachine.{own}");
+    text.replace(&header(own), &header(name))
+}
+
 /// The shipped mission of this name.
 #[must_use]
 pub fn find(name: &str) -> Option<&'static Shipped> {

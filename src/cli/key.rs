@@ -47,7 +47,7 @@ enum What {
     Show,
     /// Let a key ask this machine from now on.
     Authorise {
-        /// The key, as `key show` prints it on the other machine.
+        /// The key, or all that `key show` prints on the other machine.
         #[arg(allow_hyphen_values = true)]
         key: String,
         /// What its owner is called.
@@ -62,6 +62,12 @@ enum What {
     },
     /// List the keys that may ask this machine.
     List,
+    /// On a PC: forget a brick.
+    #[cfg(feature = "host")]
+    Forget {
+        /// The brick's name or address.
+        brick: String,
+    },
     /// On a PC: trust a brick's key from now on, if it came over a trusted way such as ssh.
     #[cfg(feature = "host")]
     Know {
@@ -137,6 +143,19 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             }
         }
         #[cfg(feature = "host")]
+        What::Forget { brick } => {
+            let mut known = KnownBricks::load(&folder)?;
+            let gone = known.forget(brick)?;
+            let gone = gone.ok_or_else(|| {
+                Failure::refused(format!("no brick {brick} is known")).hint("onbrick bricks")
+            })?;
+            let (name, fingerprint) = (gone.name, gone.key.fingerprint());
+            output.show(
+                format!("{name} is forgotten: {fingerprint}"),
+                &serde_json::json!({ "forgotten": name, "fingerprint": fingerprint }),
+            );
+        }
+        #[cfg(feature = "host")]
         What::Know { brick: name, address, key, replace } => {
             let brick =
                 KnownBrick { name: name.to_string(), address: address.clone(), key: parsed(key)? };
@@ -174,8 +193,10 @@ fn refuse_for_another(folder: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
+/// A key, alone or among the other words of `key show`.
 fn parsed(key: &str) -> Result<PublicKey, Failure> {
-    PublicKey::parse(key).map_err(|error| {
+    let shown = key.split_whitespace().find_map(|word| PublicKey::parse(word).ok());
+    shown.map_or_else(|| PublicKey::parse(key), Ok).map_err(|error| {
         Failure::usage(error.to_string())
             .hint("onbrick key show on the other machine; the shell wants it in single quotes")
     })

@@ -52,6 +52,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
              only one",
         ));
     }
+    let submachine = arguments.from.as_deref().unwrap_or(shipped::SUBMACHINES[0].name);
     let text = match arguments.what {
         What::Robot => {
             let robots = ROBOTS.map(|robot| (robot.name, robot.text));
@@ -69,21 +70,18 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             None => shipped::TEMPLATE,
             Some(name) => start_from("mission", &shipped::MISSIONS.map(pair), name)?,
         },
-        What::Submachine => {
-            let submachines = shipped::SUBMACHINES.map(pair);
-            let from = arguments.from.as_deref().unwrap_or(submachines[0].0);
-            start_from("sub-machine", &submachines, from)?
-        }
+        What::Submachine => start_from("sub-machine", &shipped::SUBMACHINES.map(pair), submachine)?,
     };
     let Some(path) = &arguments.file else {
         output.text(text, &serde_json::json!({ "text": text }));
         return Ok(());
     };
     must_be_new(path)?;
-    // Its runs are called by the name in the text.
+    // By the name in the text its runs are called, or it is used.
     let name = path.file_stem().and_then(OsStr::to_str);
     let text = match (arguments.what, name) {
         (What::Mission, Some(name)) => &shipped::called(text, name),
+        (What::Submachine, Some(name)) => &shipped::called_submachine(text, submachine, name),
         _ => text,
     };
     save::create(path, text, Readers::AsUsual)

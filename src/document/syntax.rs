@@ -349,8 +349,15 @@ fn bare(&Spot { at, ref line, ref code, .. }: &Spot<'_>) -> Option<Explained> {
             format!("write `{key} = {first}, {}`", rest.trim()),
         ));
     }
-    let begins = value.chars().next()?;
-    let unit = value.trim_start_matches(|letter: char| letter.is_ascii_digit() || letter == '.');
+    for (sign, what) in [(";", "a line ends without `;`"), ("//", "a comment begins with `#`")] {
+        if let Some((before, _)) = value.split_once(sign) {
+            let hint = format!("write `{key} = {}`", before.trim_end());
+            return Some(Explained::new(place, what, hint));
+        }
+    }
+    let number = value.trim_start_matches('-');
+    let begins = number.chars().next()?;
+    let unit = number.trim_start_matches(|letter: char| letter.is_ascii_digit() || letter == '.');
     let in_unit = |letter: char| letter.is_alphabetic() || "%°/".contains(letter);
     if begins.is_ascii_digit()
         && unit.contains(in_unit)
@@ -458,6 +465,19 @@ mod tests {
                 "a number stands without its unit",
                 "write the number alone: `forward_mps` says its unit",
                 "10 cm }",
+            ),
+            (
+                "do = { turn_deg = -90° }\n",
+                "a number stands without its unit",
+                "write the number alone: `turn_deg` says its unit",
+                "-90° }",
+            ),
+            ("time_limit_s = 60;\n", "a line ends without `;`", "write `time_limit_s = 60`", "60;"),
+            (
+                "time_limit_s = 60 // a minute\n",
+                "a comment begins with `#`",
+                "write `time_limit_s = 60`",
+                "60 // a minute",
             ),
             (
                 "time_limit_s = 2min\n",

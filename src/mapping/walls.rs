@@ -544,6 +544,20 @@ mod tests {
     }
 
     #[test]
+    fn the_short_face_of_a_block_is_a_wall_and_what_scatters_as_a_posts_echoes_is_none() {
+        let face = line([1.0, -0.2], [1.0, 0.2], [0.0, 0.0]);
+        assert_eq!(walls(&face).len(), 1);
+        let scattered = |sight: &Sight| {
+            let [x_m, y_m] = sight.at_m;
+            Sight { at_m: [1.0 + 1.8 * (x_m - 1.0), y_m], ..*sight }
+        };
+        assert_eq!(walls(&face.iter().map(scattered).collect::<Vec<_>>()), []);
+        // So thick a longer wall may be.
+        let long: Vec<Sight> = line([1.0, -1.0], [1.0, 1.0], [0.0, 0.0]);
+        assert_eq!(walls(&long.iter().map(scattered).collect::<Vec<_>>()).len(), 1);
+    }
+
+    #[test]
     fn what_echoes_come_through_is_no_wall() {
         let mut sights = line([1.0, -0.5], [1.0, 0.5], [0.0, 0.0]);
         assert_eq!(walls(&sights).len(), 1);

@@ -318,7 +318,7 @@ fn symbols(scene: &Scene) -> Vec<(Symbol, &'static str)> {
         (!scene.walls.is_empty(), Symbol::Line(INK, 4.5), "walls found"),
         (true, Symbol::Start, "start"),
         (true, Symbol::End, "end"),
-        (!scene.outlines.is_empty(), Symbol::Line(WALL, 3.0), "walls"),
+        (!scene.outlines.is_empty(), Symbol::Line(WALL, 3.0), "true walls"),
         (!scene.edges.is_empty(), Symbol::Line(EDGE, 2.0), "edge of the floor"),
     ];
     all.into_iter()

@@ -235,6 +235,10 @@ struct Telling {
     tone: Told<Option<u32>>,
 }
 
+/// Said where nothing moves although something is asked for.
+const LACKS_NUMBER: &str = "a motion waits: a number of it is not known yet, or infinite, as \
+                            `range_m` is without an echo";
+
 /// Transitions of one tick: one a machine, and one more where the runtime moved it.
 type TakenInTick = ArrayVec<Taken, { 2 * MAX_MACHINES }>;
 
@@ -260,6 +264,7 @@ impl Control<'_> {
         let mut demands = Demands::default();
         let mut checkpoint_ns = 0;
         let mut paused = None;
+        let mut lacks_number = false;
         let mut charge = Charge::Good;
         let mut variables = ChangedVariables::default();
         let mut telling = Telling::default();
@@ -291,6 +296,12 @@ impl Control<'_> {
             if step.paused != paused {
                 paused = step.paused;
                 self.log_pause(paused);
+            }
+            if self.pilot.program().lacks_number() != lacks_number {
+                lacks_number = !lacks_number;
+                if lacks_number {
+                    self.log(Level::Warn, format_args!("{LACKS_NUMBER}"));
+                }
             }
             self.tell(&mut telling, &demands, senses.time_ns, step.end.is_some());
             if let Some(truth) = self.truth

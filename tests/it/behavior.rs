@@ -276,6 +276,23 @@ fn a_motor_turns_to_an_angle_that_is_taken_once_and_is_done_there() {
 }
 
 #[test]
+fn a_motion_without_a_number_is_told_of_until_it_has_one() {
+    let mission = one_state("far = 1", "do = { drive_m = \"range_m - 0.3\" }");
+    let mut program = mission.start().unwrap();
+    for (ms, range_m, lacks) in [(0, f64::INFINITY, true), (20, 0.8, false), (40, 0.7, false)] {
+        let at = [
+            (Signal::Sensed(Channel::Range), range_m),
+            (Signal::X, 0.0),
+            (Signal::Y, 0.0),
+            (Signal::Heading, 0.0),
+        ];
+        let (demands, _) = step(&mut program, &signals(ms, &at));
+        assert_eq!(program.lacks_number(), lacks, "at {ms} ms");
+        assert_eq!(demands.drive == Some(Drive::Stop(StopAction::Brake)), lacks, "at {ms} ms");
+    }
+}
+
+#[test]
 fn nothing_moves_while_the_last_sound_of_a_mission_is_heard() {
     let mission = load(
         "name = \"m\"\nfinish = \"any\"\n[machine.drive.state.on]\n\

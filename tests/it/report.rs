@@ -58,7 +58,7 @@ fn an_svg_has_every_point_the_path_the_walls_and_its_title() {
     let circles = svg.matches("<circle").count();
     assert_eq!(circles, scene.tracks[0].points.len() + 3 + 4);
     assert!(svg.contains("mapper: map &lt;the room&gt; &amp; back"));
-    for word in ["path", "points", "start", "end", "walls", "x in metres"] {
+    for word in ["path", "points", "start", "end", "true walls", "x in metres"] {
         assert!(svg.contains(&format!("\n{word}\n")), "{word} is not in the picture");
     }
     assert_eq!(svg, plot::svg(&scene).unwrap(), "the same scene gives the same picture");

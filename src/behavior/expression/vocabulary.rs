@@ -25,7 +25,10 @@ const NOT_HERE: [(&str, &str); 11] = [
     ("button_center", STOPS),
     ("button_back", STOPS),
     ("travelled_m", DRIVEN),
-    ("distance", DRIVEN),
+    (
+        "distance",
+        "`range_m` is how far what is ahead is, `state_m` how far it has driven in this state",
+    ),
     ("encoder", DRIVEN),
     ("speed", "`state_m / state_s` is the mean speed in this state"),
     ("yaw", TURNED),

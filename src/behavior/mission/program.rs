@@ -57,6 +57,8 @@ pub(super) struct Ongoing {
     pub(super) limits: MotionLimits,
     /// Where the ways of the named motors end, radians.
     pub(super) motors_to_rad: [Option<f64>; MAX_MOTORS],
+    /// The motion of this step waits for a number that is not known, or infinite.
+    pub(super) lacks_number: bool,
     /// The mission's tunes.
     tunes: Vec<Tune>,
     /// What each machine has begun to play.
@@ -161,6 +163,7 @@ impl Program {
     ) -> Progress {
         self.turn.board.signals = *signals;
         self.turn.demands = Demands::default();
+        self.turn.ongoing.lacks_number = false;
         if !self.begun {
             self.begun = true;
             // Each one knows those above it.
@@ -223,6 +226,12 @@ impl Program {
     #[must_use]
     pub fn waits_for_time(&self) -> bool {
         self.engine.waits()
+    }
+
+    /// Whether the motion of the last step waits for a number that is not known, or infinite.
+    #[must_use]
+    pub fn lacks_number(&self) -> bool {
+        self.turn.ongoing.lacks_number
     }
 
     /// The names of the active states, in the order of the machines.

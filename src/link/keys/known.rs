@@ -50,8 +50,7 @@ pub struct KnownBricks {
 /// Where a brick's key is found.
 pub(in crate::link) const ON_THE_BRICK: &str = "`onbrick key show` on the brick prints it";
 
-const HEADER: &str =
-    "# Bricks that this PC knows. `onbrick pair HOST` adds one; to forget one, delete its lines.\n";
+const HEADER: &str = "# Bricks that this PC knows. `onbrick pair HOST` adds one; `onbrick key forget` deletes its lines.\n";
 
 impl KnownBricks {
     /// Reads the file in a folder of keys; where there is none, no brick is known.
@@ -110,6 +109,41 @@ impl KnownBricks {
     /// broken meanwhile, [`KeyError::Io`]; it is then as it was.
     pub fn put(&mut self, brick: &KnownBrick, replaced: Option<PublicKey>) -> Result<(), KeyError> {
         let name = Name::new(&brick.name)?;
+        self.rewrite(|now| {
+            if let Some(other) =
+                now.another(&name, &brick.key).filter(|other| replaced != Some(other.key))
+            {
+                return Err(KeyError::AnotherKey { name, known: other.key });
+            }
+            let mut text = now.without(|known| known.name == brick.name || known.key == brick.key);
+            if !text.is_empty() && !text.ends_with('\n') {
+                text.push('\n');
+            }
+            let (name, address, key) = (quoted(&brick.name), quoted(&brick.address), brick.key);
+            text.push_str(&format!("\n[{name}]\naddress = {address}\nkey = \"{key}\"\n"));
+            Ok(text)
+        })
+    }
+
+    /// Forgets the brick of this name or at this address, if the file has it by now.
+    ///
+    /// # Errors
+    ///
+    /// As [`KnownBricks::put`].
+    pub fn forget(&mut self, name_or_address: &str) -> Result<Option<KnownBrick>, KeyError> {
+        let mut gone = None;
+        self.rewrite(|now| {
+            gone = now.find(name_or_address).cloned();
+            Ok(now.without(|known| gone.as_ref().is_some_and(|gone| gone.key == known.key)))
+        })?;
+        Ok(gone)
+    }
+
+    /// Writes the file as a change makes it of what it holds by now.
+    fn rewrite(
+        &mut self,
+        change: impl FnOnce(&Self) -> Result<String, KeyError>,
+    ) -> Result<(), KeyError> {
         let folder = self.path.parent().unwrap_or(Path::new("")).to_owned();
         make_folder(&folder)?;
         // The file itself is replaced, and a lock on it would go with the old one.
@@ -119,17 +153,7 @@ impl KnownBricks {
             .and_then(|lock| lock.lock().map(|()| lock))
             .map_err(|error| KeyError::io(&beside)(error))?;
         let now = Self::load(&folder)?;
-        if let Some(other) =
-            now.another(&name, &brick.key).filter(|other| replaced != Some(other.key))
-        {
-            return Err(KeyError::AnotherKey { name, known: other.key });
-        }
-        let mut text = now.without(|known| known.name == brick.name || known.key == brick.key);
-        if !text.is_empty() && !text.ends_with('\n') {
-            text.push('\n');
-        }
-        let (name, address, key) = (quoted(&brick.name), quoted(&brick.address), brick.key);
-        text.push_str(&format!("\n[{name}]\naddress = {address}\nkey = \"{key}\"\n"));
+        let text = change(&now)?;
         let fresh = Self::parse(now.path, text.as_bytes())?;
         write(&fresh.path, text.as_bytes(), Readers::Owner)?;
         *self = fresh;
@@ -204,6 +228,11 @@ mod tests {
         assert_eq!(known.find("green").unwrap().key, PublicKey::from_bytes([4; 32]));
         assert_eq!(known.find("sea.local").unwrap().name, "sea");
         assert_eq!(known.find("blue"), None);
+        let mut known = known;
+        assert_eq!(known.forget("sea.local").unwrap().unwrap().name, "sea");
+        assert_eq!(known.forget("sea").unwrap(), None);
+        let names: Vec<&str> = known.iter().map(|known| known.name.as_str()).collect();
+        assert_eq!(names, ["my \"red\" one", "green"]);
         let text = fs::read_to_string(&path).unwrap();
         assert!(text.starts_with(HEADER), "{text}");
     }

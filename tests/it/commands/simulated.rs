@@ -202,8 +202,10 @@ on_entry = { led = "green" }
     for line in wanted {
         assert!(lines.any(|said| said.ends_with(line)), "`{line}` in its place: {}", said.err);
     }
+    // Without it, what the mission says and nothing else.
     let quiet = run(folder.path(), &["run", "two.toml", "--sim", "open", "--out", "q"]).expect(0);
     assert_eq!(quiet.err, "");
+    assert!(quiet.out.starts_with("    0.00 s  says: Größe 3\nthe mission is"), "{}", quiet.out);
     // For programs, the same as values.
     let arguments = ["--json", "run", "two.toml", "--sim", "open", "--out", "json", "-v"];
     let told = run(folder.path(), &arguments).expect(0).json();
@@ -553,6 +555,11 @@ fn shipped_sub_machines_can_be_had_as_files() {
         let text = std::fs::read_to_string(folder.path().join(&file)).unwrap();
         assert!(text.contains(&format!("[submachine.{name}]")), "{text}");
     }
+    // It is used by its file's name.
+    run(folder.path(), &["new", "submachine", "tour.toml"]).expect(0);
+    let mission = "name = \"m\"\n[machine.drive.state.about]\nuse = \"tour\"\n";
+    std::fs::write(folder.path().join("m.toml"), mission).unwrap();
+    run(folder.path(), &["check", "m.toml"]).expect(0);
     let said = run(folder.path(), &["new", "submachine", "--from", "look"]).expect(2);
     assert!(said.err.contains("did you mean `look-round`?"), "{}", said.err);
 }

@@ -1,6 +1,7 @@
 //! Whether `done` can hold where it is asked for.
 
 use super::Reader;
+use super::actions::actions;
 use crate::behavior::mission::TransitionPlan;
 use crate::document::{Item, Severity};
 
@@ -9,10 +10,12 @@ const NOTHING_ENDS: &str = "`done` can never hold: nothing that the state does c
 const ENDING_KEYS: [&str; 8] =
     ["drive_m", "turn_deg", "arc", "goto", "explore_m", "head_deg", "motor_deg", "tune"];
 
-/// Whether a state is to do something that ends, be it written in a way that is refused.
+/// Whether a state may be to do something that ends, be it written in a way that is refused.
 pub(super) fn is_to_end(state: &Item<'_>) -> bool {
-    let doing = state.get("do");
-    doing.is_some_and(|doing| ENDING_KEYS.iter().any(|key| doing.get(key).is_some()))
+    let known = actions();
+    let may_end = |key: &str| ENDING_KEYS.contains(&key) || !known.contains(&key);
+    let doing = state.get("do").filter(Item::is_table).and_then(|doing| doing.section());
+    doing.is_some_and(|doing| doing.items().iter().any(|item| may_end(item.key())))
 }
 
 impl Reader<'_, '_, '_> {

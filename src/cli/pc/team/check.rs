@@ -104,7 +104,9 @@ pub(in crate::cli::pc) fn unready(status: &Status) -> Option<String> {
         State::Ready | State::Stopped => {
             status.robot.as_ref().map(|finding| format!("robot: {}", first_line(finding)))
         }
-        State::Fault => Some(format!("fault: {last}; press Enter on the brick once it is fixed")),
+        State::Fault => Some(format!(
+            "fault: {last}; press Enter on the brick once it is fixed, or onbrick stop"
+        )),
         State::Preparing | State::Running | State::Stopping => Some(match &status.run {
             Some(run) => format!("busy: {} ({}), started {}", run.mission, run.run, whose(&run.by)),
             None => status.state.to_string(),
