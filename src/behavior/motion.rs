@@ -110,7 +110,8 @@ pub struct Order {
 /// A motion under way.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct MotionState {
-    order: Option<Order>,
+    /// None until all its numbers are known.
+    pub(super) order: Option<Order>,
     leg: Option<Leg>,
     /// The faster wheel's speed that was asked for last, metres per second.
     speed_m_s: f64,
@@ -196,11 +197,6 @@ impl MotionState {
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.done
-    }
-
-    /// Whether it has what it was told to do: else a number of that is not known, or infinite.
-    pub(super) fn has_order(&self) -> bool {
-        self.order.is_some()
     }
 
     /// One tick: what the wheels are to do. Until the order and the robot's place are known they

@@ -122,7 +122,7 @@ enum Phase {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct NavigationState {
-    order: Option<Order>,
+    pub(super) order: Option<Order>,
     phase: Phase,
     /// The last request; plans answer it by its serial.
     request: Option<Request>,
@@ -229,11 +229,6 @@ impl NavigationState {
         let Self { serial, turns_left, spins, head_left, first_rad, .. } = *self;
         *self = Self { serial, turns_left, spins, head_left, first_rad, ..Self::default() };
         self.plan.serial = serial;
-    }
-
-    /// As [`MotionState::has_order`].
-    pub(super) fn has_order(&self) -> bool {
-        self.order.is_some()
     }
 
     /// One tick: what the wheels are to do, and where the head is to point.

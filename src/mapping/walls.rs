@@ -103,8 +103,8 @@ const GAP_M: f64 = 0.15;
 const SHORTEST_M: f64 = 0.3;
 /// The fewest spots of a wall.
 const FEWEST: usize = 10;
-/// The largest standard deviation of a wall's spots, metres: one of no length, for each metre of it,
-/// and of any.
+/// The largest standard deviation of a wall's spots, metres: of one without length, what each metre
+/// adds, and of any.
 const THIN_M: f64 = 0.012;
 const THICKER_M_M: f64 = 0.006;
 const THICKEST_M: f64 = 0.02;

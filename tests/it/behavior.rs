@@ -261,7 +261,7 @@ fn a_motor_turns_to_an_angle_that_is_taken_once_and_is_done_there() {
         (demands.motors[0].map(|rad_s| rad_s.to_degrees().round()), progress)
     };
     assert_eq!(turn(&mut program, 0, 10.0), (Some(50.0), Progress::Running));
-    // One that goes on from here goes to where this one goes, and not by 90 degrees more.
+    // One that is continued from here has the same end, and not one 90 degrees further.
     let state = program.state();
     program = mission.start().unwrap();
     assert!(program.restore(&state));

@@ -38,7 +38,7 @@ impl Outputs {
                 let Ongoing { motion, limits, .. } = ongoing;
                 demands.drive = Some(motion.step(|| plan.order(finite), signals, limits));
                 has_ended &= motion.is_done();
-                ongoing.lacks_number = !motion.has_order();
+                ongoing.lacks_number = motion.order.is_none();
             }
             Some(DrivePlan::Navigation { plan, moves_head }) => {
                 let Ongoing { motion, navigation, limits, .. } = ongoing;
@@ -49,7 +49,7 @@ impl Outputs {
                     (demands.head_rad, demands.head_rad_s) = (Some(head.to_rad), head.max_rad_s);
                 }
                 has_ended &= navigation.is_done();
-                ongoing.lacks_number = !navigation.has_order();
+                ongoing.lacks_number = navigation.order.is_none();
             }
             Some(plan) => {
                 demands.drive = Some(plan.drive(finite).unwrap_or(Drive::STILL));

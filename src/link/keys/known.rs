@@ -50,7 +50,8 @@ pub struct KnownBricks {
 /// Where a brick's key is found.
 pub(in crate::link) const ON_THE_BRICK: &str = "`onbrick key show` on the brick prints it";
 
-const HEADER: &str = "# Bricks that this PC knows. `onbrick pair HOST` adds one; `onbrick key forget` deletes its lines.\n";
+const HEADER: &str =
+    "# Bricks that this PC knows. `onbrick pair` adds one, `onbrick key forget` takes it out.\n";
 
 impl KnownBricks {
     /// Reads the file in a folder of keys; where there is none, no brick is known.
