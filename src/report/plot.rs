@@ -239,7 +239,7 @@ impl Picture<'_> {
             for (symbol, word) in symbols {
                 x += symbol.draw(canvas, x, row) + 8.0;
                 canvas.text(word, [x, row], 14.0, INK, LEFT_MIDDLE);
-                x += canvas.text_width(word, 14.0) + 22.0;
+                x += canvas.text_width(word, 14.0) + 16.0;
             }
             row += ROW;
         }
