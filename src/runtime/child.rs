@@ -43,7 +43,7 @@ use serde::{Deserialize, Serialize};
 use super::{Brick, Ended, Event, Job, Owner, PATIENCE_NS, Stop, StopFlags, end_by_force};
 use crate::clock::{Clock, MonotonicClock};
 use crate::ev3dev::Tree as _;
-use crate::printable::{json_line, with_causes};
+use crate::printable::{from_json, json_line, with_causes};
 use crate::threads::{lock, spawn};
 
 /// No job is longer, bytes: two files of the largest size, and JSON's escapes.
@@ -187,7 +187,7 @@ impl RunProcess {
                 self.stopper.obeyed();
                 return None;
             }
-            if let Ok(event) = serde_json::from_str::<Event>(&line) {
+            if let Ok(event) = from_json::<Event>(&line) {
                 if matches!(event, Event::Stopped { .. } | Event::Ended(_) | Event::Refused { .. })
                 {
                     self.stopper.obeyed();
@@ -349,7 +349,7 @@ pub fn never_wait(pipe: BorrowedFd<'_>) -> nix::Result<()> {
 pub fn read_job(orders: &mut impl BufRead) -> io::Result<Job> {
     let mut line = String::new();
     orders.take(LONGEST_JOB).read_line(&mut line)?;
-    Ok(serde_json::from_str(&line)?)
+    Ok(from_json(&line)?)
 }
 
 /// Starts a process of a run, which says as much as this one does: with the pipe of its orders, and

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use super::open_files;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::document::if_there;
-use crate::printable::{in_shell, json_line, line};
+use crate::printable::{from_json, in_shell, json_line, line};
 
 /// How long to wait for a process that only reads the owner, nanoseconds: some system calls, and on
 /// a busy brick other processes in between. A process that is refused has waited as long.
@@ -252,7 +252,7 @@ fn read_owner(file: &mut File) -> Owner {
     let mut text = String::new();
     let _ = file.rewind().and_then(|()| BufReader::new(file.take(4096)).read_line(&mut text));
     // The file is writable for all.
-    let owner: Option<Owner> = serde_json::from_str(&text).ok();
+    let owner: Option<Owner> = from_json(&text).ok();
     owner
         .map(|owner| Owner { doing: line(&owner.doing).into_owned(), ..owner })
         .unwrap_or_else(|| Owner { pid: 0, ..Owner::here("another run") })

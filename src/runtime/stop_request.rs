@@ -21,7 +21,7 @@ use nix::fcntl::{Flock, FlockArg};
 use super::lock::{lock_path, locked, open, open_existing, write_text};
 use super::{LockError, StopBy, StopFlags};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
-use crate::printable::{json_line, with_causes};
+use crate::printable::{from_json, json_line, with_causes};
 use crate::threads::Background;
 
 /// How often who drives looks, nanoseconds.
@@ -92,7 +92,7 @@ fn asked(path: &Path) -> Option<StopBy> {
             let mut word = String::new();
             file.take(64).read_to_string(&mut word).ok()?;
             // What is being written is read the next time.
-            serde_json::from_str(&word).ok()
+            from_json(&word).ok()
         }
         _ => None,
     }

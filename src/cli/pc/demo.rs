@@ -37,6 +37,10 @@ pub(in crate::cli) struct Arguments {
     /// The room: a world's file, or the name of a built-in one.
     #[arg(long, default_value = "arena")]
     world: PathBuf,
+    /// The robot's file, or the name of a shipped one: mapper, educator, retail. Without it the
+    /// mapper.
+    #[arg(long)]
+    robot: Option<PathBuf>,
     /// What the robot does: a shipped mission.
     #[arg(long, default_value = "explore", value_parser = shipped)]
     mission: String,
@@ -82,7 +86,7 @@ struct Quality {
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let (world, start) = load_world(&arguments.world)?;
-    let robot = load_robot(None)?;
+    let robot = load_robot(arguments.robot.as_deref())?;
     let folder = RunFolder::of_demo(arguments.out.as_deref())?;
     let mission = Source {
         name: format!("{}.toml", arguments.mission),
@@ -164,6 +168,9 @@ fn covered_walls(quality: &Quality) -> String {
 fn shipped(text: &str) -> Result<String, String> {
     if find(text).is_some() {
         return Ok(text.to_owned());
+    }
+    if text.ends_with(".toml") {
+        return Err("onbrick run FILE --sim WORLD runs a mission of yours".to_owned());
     }
     Err(nearest_or_all(text, "it can be", MISSIONS.iter().map(|mission| mission.name)))
 }

@@ -191,20 +191,40 @@ impl Asking {
         &self,
         ask: impl Fn(&mut Client, &KnownBrick) -> Result<T, ClientError> + Sync,
     ) -> Vec<Answer<T>> {
+        let mut answers: Vec<Option<Answer<T>>> = self.bricks.iter().map(|_| None).collect();
+        self.ask_each(ask, |at, answer| answers[at] = Some(answer));
+        answers.into_iter().flatten().collect()
+    }
+
+    /// Asks all of them at the same time; `hear` has each answer as it comes, with its brick's
+    /// place.
+    pub(super) fn ask_each<T: Send>(
+        &self,
+        ask: impl Fn(&mut Client, &KnownBrick) -> Result<T, ClientError> + Sync,
+        mut hear: impl FnMut(usize, Answer<T>),
+    ) {
         let one = |brick: &KnownBrick| -> Result<T, Failure> {
             let answered = self.client(brick).and_then(|mut client| ask(&mut client, brick));
             answered.map_err(|error| failure(brick, &error))
         };
         let one = &one;
+        let (answers, coming) = std::sync::mpsc::channel();
         std::thread::scope(|scope| {
-            let asked: Vec<_> =
-                self.bricks.iter().map(|brick| (brick, scope.spawn(move || one(brick)))).collect();
-            let lost = || Err(Failure::failed("the thread that asked has died"));
-            asked
-                .into_iter()
-                .map(|(brick, thread)| (brick.clone(), thread.join().unwrap_or_else(|_| lost())))
-                .collect()
-        })
+            let begin = |(at, brick)| {
+                let answers = answers.clone();
+                // The other end waits for all of them.
+                (at, brick, scope.spawn(move || drop(answers.send((at, brick, one(brick))))))
+            };
+            let asked: Vec<_> = self.bricks.iter().enumerate().map(begin).collect();
+            drop(answers);
+            let mut tell = |at, brick: &KnownBrick, answer| hear(at, (brick.clone(), answer));
+            coming.iter().for_each(|(at, brick, answer)| tell(at, brick, answer));
+            for (at, brick, thread) in asked {
+                if thread.join().is_err() {
+                    tell(at, brick, Err(Failure::failed("the thread that asked has died")));
+                }
+            }
+        });
     }
 }
 
@@ -215,31 +235,61 @@ pub(super) fn conclude<T>(
     output: &mut Output,
     mut show: impl FnMut(&mut Output, &KnownBrick, T),
 ) -> Result<(), Failure> {
-    let asked = answers.len();
-    let mut failures = Vec::new();
-    for (brick, answer) in answers {
+    let mut conclusion = Conclusion::of(answers.len());
+    for answer in answers {
+        conclusion.take(answer, output, &mut show);
+    }
+    conclusion.end()
+}
+
+/// The same, answer by answer.
+pub(super) struct Conclusion {
+    asked: usize,
+    failures: Vec<Failure>,
+}
+
+impl Conclusion {
+    /// Of so many bricks.
+    pub(super) fn of(asked: usize) -> Self {
+        Self { asked, failures: Vec::new() }
+    }
+
+    pub(super) fn take<T>(
+        &mut self,
+        (brick, answer): Answer<T>,
+        output: &mut Output,
+        show: &mut impl FnMut(&mut Output, &KnownBrick, T),
+    ) {
         match answer {
             Ok(answer) => show(output, &brick, answer),
-            Err(failure) if asked == 1 => return Err(named(&brick, failure)),
+            Err(failure) if self.asked == 1 => self.failures.push(named(&brick, failure)),
             Err(failure) => {
                 let (error, exit) = (&failure.message, failure.exit as u8);
                 output.show(
                     format!("{}: {error}", brick.name),
                     &serde_json::json!({ "brick": brick.name, "error": error, "exit": exit }),
                 );
-                failures.push(failure);
+                self.failures.push(failure);
             }
         }
     }
-    let Some(first) = failures.first() else { return Ok(()) };
-    let silent = failures.iter().all(|failure| failure.exit == Exit::NoAnswer);
-    let what = if silent { "did not answer" } else { "did not do it" };
-    let message = format!("{} of {} {what}", failures.len(), counted(asked, "brick"));
-    let hint = first.hint.clone();
-    let all_alike =
-        failures.len() == asked && failures.iter().all(|failure| failure.exit == first.exit);
-    let exit = if all_alike { first.exit } else { Exit::SomeFailed };
-    Err(Failure { hint, ..Failure::new(exit, message) })
+
+    /// What the command comes to.
+    pub(super) fn end(mut self) -> Result<(), Failure> {
+        let Self { asked, failures } = &mut self;
+        if *asked == 1 {
+            return failures.pop().map_or(Ok(()), Err);
+        }
+        let Some(first) = failures.first() else { return Ok(()) };
+        let silent = failures.iter().all(|failure| failure.exit == Exit::NoAnswer);
+        let what = if silent { "did not answer" } else { "did not do it" };
+        let message = format!("{} of {} {what}", failures.len(), counted(*asked, "brick"));
+        let hint = first.hint.clone();
+        let all_alike =
+            failures.len() == *asked && failures.iter().all(|failure| failure.exit == first.exit);
+        let exit = if all_alike { first.exit } else { Exit::SomeFailed };
+        Err(Failure { hint, ..Failure::new(exit, message) })
+    }
 }
 
 /// A brick's failure that is shown by itself: with the brick's name. Findings call themselves

@@ -1,8 +1,9 @@
 //! `onbrick stop`: whatever bricks do.
 
-use super::remote::{Bricks, Unnamed, conclude};
+use super::remote::{Bricks, Conclusion, Unnamed};
 use crate::cli::{Exit, Failure, Output};
-use crate::protocol::RunId;
+use crate::link::KnownBrick;
+use crate::protocol::{RunId, Stopped};
 
 /// Stop what bricks do; answered when their motors have been told. Without a HOST, every brick that
 /// is known.
@@ -26,16 +27,8 @@ pub(super) const AT_THE_BRICK: &str =
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let asking = arguments.bricks.asking(Unnamed::All)?;
-    let mut answers = asking.ask(|client, _| client.stop(arguments.run.as_ref()));
-    for (_, answer) in &mut answers {
-        if let Err(failure) = answer {
-            let first = failure.hint.take().filter(|_| failure.exit != Exit::NoAnswer);
-            let ways = first.into_iter().chain([AT_THE_BRICK.to_owned()]);
-            failure.hint = Some(ways.collect::<Vec<_>>().join("; "));
-        }
-    }
     let mut turning = Vec::new();
-    conclude(answers, output, |output, brick, stopped| {
+    let mut show = |output: &mut Output, brick: &KnownBrick, stopped: Stopped| {
         let text = match &stopped.run {
             Some(run) if stopped.stopped => format!("{}: stopped {run}", brick.name),
             Some(run) => {
@@ -50,7 +43,21 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         if stopped.run.is_some() && !stopped.stopped {
             turning.push(brick.name.clone());
         }
-    })?;
+    };
+    let mut conclusion = Conclusion::of(asking.bricks.len());
+    // One that is away keeps none waiting for the word that the others stand.
+    asking.ask_each(
+        |client, _| client.stop(arguments.run.as_ref()),
+        |_, (brick, mut answer)| {
+            if let Err(failure) = &mut answer {
+                let first = failure.hint.take().filter(|_| failure.exit != Exit::NoAnswer);
+                let ways = first.into_iter().chain([AT_THE_BRICK.to_owned()]);
+                failure.hint = Some(ways.collect::<Vec<_>>().join("; "));
+            }
+            conclusion.take((brick, answer), output, &mut show);
+        },
+    );
+    conclusion.end()?;
     if turning.is_empty() {
         return Ok(());
     }

@@ -547,6 +547,17 @@ fn a_sub_machine_of_a_file_beside_the_mission_is_part_of_what_is_recorded() {
 }
 
 #[test]
+fn demo_takes_other_robots_and_says_who_runs_missions_of_ones_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let demo = ["demo", "--robot", "educator", "--seconds", "20", "--out", "e"];
+    run(folder.path(), &demo).expect(0);
+    let recorded = Run::open(&folder.path().join("e/run.mcap")).unwrap();
+    assert!(recorded.robot_toml.unwrap().contains("name = \"educator\""));
+    let said = run(folder.path(), &["demo", "--mission", "my.toml"]).expect(2);
+    assert!(said.err.contains("onbrick run FILE --sim WORLD"), "{}", said.err);
+}
+
+#[test]
 fn shipped_sub_machines_can_be_had_as_files() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["wander", "look-round", "follow-wall", "come-home"] {

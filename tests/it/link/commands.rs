@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use onbrick::clock::MonotonicClock;
-use onbrick::link::KeyPair;
+use onbrick::link::{KeyPair, KnownBrick, KnownBricks};
 use onbrick::recording::Run;
 use serde_json::Value;
 
@@ -101,6 +101,22 @@ fn from_pairing_to_the_map() {
     assert!(!followed.contains("http://"), "a page that is gone at once: {followed}");
     service.says(&["runs", "sim"], "fetched");
     service.done(&["plot", &file.display().to_string(), "-o", "map.svg"]);
+}
+
+#[test]
+fn a_brick_that_is_away_keeps_none_waiting_for_the_word_that_another_stands() {
+    let service = Service::new();
+    // In the file, it comes first.
+    let folder = service.path("pc");
+    KeyPair::load_or_make(&folder).unwrap();
+    let key = KeyPair::generate().unwrap().public();
+    let away = KnownBrick { name: "away".to_owned(), address: "127.0.0.1:9".to_owned(), key };
+    KnownBricks::load(&folder).unwrap().put(&away, None).unwrap();
+    service.introduce();
+    let said = service.pc(&["stop", "--timeout", "2"]);
+    let out = text(&said.stdout);
+    let names: Vec<&str> = out.lines().filter_map(|line| line.split(':').next()).collect();
+    assert_eq!((&names[..], said.status.code()), (&["sim", "away"][..], Some(5)), "{out}");
 }
 
 #[test]
