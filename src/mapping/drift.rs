@@ -46,6 +46,13 @@
 //! by 1.5° to 12° at the end. A drift that ends again is followed slowly: there for 150 s, with 2.8
 //! deviations, it leaves 11° at the most in the mean of 24 runs.
 //!
+//! Wheels that are not alike must not look like a drift. By hand, `onbrick demo --world` of 14
+//! furnished rooms that chance drew, 300 s, one wheel larger by 2 % or 3 % and the gyro's scale off
+//! by 2 %: with a mismatch of 0.3 % for its standard deviation 21 of 28 runs were given a drift
+//! that they had not, and lost their place by 10 cm and more; with 0.6 % none was, the worst
+//! heading at the end off by 1.3°; with 1 % one of 28. Drifts of 0.1 to 0.19 °/s leave as much as
+//! before, 2.2° and 2.1°, root mean square of 66 runs of two minutes.
+//!
 //! # Not here
 //!
 //! Standstills (`gyro`): they tell a drift of 1 °/s within two seconds, and one of 0.2 °/s not at
@@ -65,10 +72,10 @@ const DRIFT: usize = 0;
 const MISMATCHED: usize = 1;
 const ROUNDED: usize = 3;
 /// Standard deviations of the first three before anything was seen: the drift that
-/// `runtime::prepare` lets pass; one wheel larger than the other by 0.3 %, as a share of the track
+/// `runtime::prepare` lets pass; one wheel larger than the other by 0.6 %, as a share of the track
 /// width; the scales of gyro (1 to 4 % in `lego-sensor-tables`) and track width.
 const DRIFT_RAD_S: f64 = 0.2 * DEGREE_RAD;
-const MISMATCH: f64 = 0.003;
+const MISMATCH: f64 = 0.006;
 const SCALE: f64 = 0.03;
 
 /// An observation is made of this much time, seconds, so that some are of standing alone and some

@@ -10,9 +10,9 @@ use onbrick::units::{degrees, wrap_rad};
 use crate::missions::{job, play, robot};
 
 /// The heading's error at the end of two minutes, degrees.
-fn off_deg(mission: &str, world: &str, drift_dps: f64, seed: u64) -> f64 {
+fn off_deg(mission: &str, world: &str, errors: &str, seed: u64) -> f64 {
     let text = World::text(world).expect("a built-in world");
-    let text = format!("{text}\n[robot.errors]\ngyro_drift_dps = {drift_dps}\n");
+    let text = format!("{text}\n[robot.errors]\n{errors}\n");
     let played = play(|file| {
         let set = vec![("time_limit_s".to_owned(), 120.0)];
         Job { set, ..job(mission, &robot(), (world, &text), seed, file) }
@@ -35,7 +35,9 @@ fn a_drift_that_the_start_lets_pass_is_removed_while_the_robot_drives() {
             let off_deg: Vec<f64> = ["arena", "rooms"]
                 .into_iter()
                 .flat_map(|world| (31..39).map(move |seed| (world, seed)))
-                .map(|(world, seed)| off_deg(mission, world, drift_dps, seed))
+                .map(|(world, seed)| {
+                    off_deg(mission, world, &format!("gyro_drift_dps = {drift_dps}"), seed)
+                })
                 .collect();
             let squares: f64 = off_deg.iter().map(|deg| deg * deg).sum();
             let rms_deg = libm::sqrt(squares / off_deg.len() as f64);
@@ -46,6 +48,19 @@ fn a_drift_that_the_start_lets_pass_is_removed_while_the_robot_drives() {
                 "{mission}, {drift_dps} degrees a second: {off_deg:.1?}"
             );
         }
+    }
+}
+
+#[test]
+fn wheels_of_two_sizes_are_no_drift() {
+    for errors in ["wheel_left = 0.02", "wheel_right = 0.03\ngyro_scale = -0.02"] {
+        let off_deg: Vec<f64> = ["arena", "rooms"]
+            .into_iter()
+            .flat_map(|world| (31..35).map(move |seed| (world, seed)))
+            .map(|(world, seed)| off_deg("explore", world, errors, seed))
+            .collect();
+        println!("{errors:?}: heading off after 120 s, degrees: {off_deg:.1?}");
+        assert!(off_deg.iter().all(|deg| *deg < 2.5), "{errors:?}: {off_deg:.1?}");
     }
 }
 
