@@ -35,8 +35,7 @@
 //! is off by 2° to 5° at the most, and by 0° to 2.4° at the end. Heading after two minutes of
 //! exploring, root mean square of 16 runs in `arena` and `rooms`: drifts of 0.1, -0.15 and 0.19
 //! °/s, 12° to 23° in all, left about 2°, and 6.4° at the worst. The mission `map`, which seldom
-//! stands and turns one way, keeps all of 0.1 °/s, because mismatched wheels explain it as well,
-//! and 5° to 14° of the others. `cargo test --test it figures::drift -- --nocapture` prints all
+//! stands and turns one way, keeps all of it, because mismatched wheels explain it as well. `cargo test --test it figures::drift -- --nocapture` prints all
 //! this.
 //!
 //! By hand, the encoders alone over the recordings of 149 explorations of 5 to 10 minutes: with
@@ -51,7 +50,8 @@
 //! by 2 %: with a mismatch of 0.3 % for its standard deviation 21 of 28 runs were given a drift
 //! that they had not, and lost their place by 10 cm and more; with 0.6 % none was, the worst
 //! heading at the end off by 1.3°; with 1 % one of 28. Drifts of 0.1 to 0.19 °/s leave as much as
-//! before, 2.2° and 2.1°, root mean square of 66 runs of two minutes.
+//! before, 2.2° and 2.1°, root mean square of 66 runs of two minutes; the mission `map` paid for
+//! it, which kept half of them and keeps all.
 //!
 //! # Not here
 //!

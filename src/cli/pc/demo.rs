@@ -20,6 +20,7 @@ use crate::recording::Run;
 use crate::robot::RobotConfig;
 use crate::runtime::{Brick, Event, Job, NoHeartbeat, Source, execute};
 use crate::sim::covered;
+use crate::simulated::furnished;
 use crate::units::{count, degrees, wrap_rad};
 
 /// Let a simulated robot explore a room of cinder blocks, come home, and draw the map it makes.
@@ -87,6 +88,10 @@ struct Quality {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let (world, start) = load_world(&arguments.world)?;
     let robot = load_robot(arguments.robot.as_deref())?;
+    let world = match arguments.robot {
+        Some(_) => furnished(world, &robot.config),
+        None => world,
+    };
     let folder = RunFolder::of_demo(arguments.out.as_deref())?;
     let mission = Source {
         name: format!("{}.toml", arguments.mission),

@@ -249,7 +249,7 @@ pub(super) struct Conclusion {
 }
 
 impl Conclusion {
-    /// Of so many bricks.
+    /// Of this number of bricks.
     pub(super) fn of(asked: usize) -> Self {
         Self { asked, failures: Vec::new() }
     }
