@@ -35,8 +35,8 @@
 //! is off by 2° to 5° at the most, and by 0° to 2.4° at the end. Heading after two minutes of
 //! exploring, root mean square of 16 runs in `arena` and `rooms`: drifts of 0.1, -0.15 and 0.19
 //! °/s, 12° to 23° in all, left about 2°, and 6.4° at the worst. The mission `map`, which seldom
-//! stands and turns one way, keeps all of it, because mismatched wheels explain it as well. `cargo test --test it figures::drift -- --nocapture` prints all
-//! this.
+//! stands and turns one way, keeps all of it, because mismatched wheels explain it as well.
+//! `cargo test --test it figures::drift -- --nocapture` prints all this.
 //!
 //! By hand, the encoders alone over the recordings of 149 explorations of 5 to 10 minutes: with
 //! 2.8, 3.2 and 3.5 deviations as certain, 5, 1 and 0 of them were given a drift that they had not,
@@ -48,10 +48,10 @@
 //! Wheels that are not alike must not look like a drift. By hand, `onbrick demo --world` of 14
 //! furnished rooms that chance drew, 300 s, one wheel larger by 2 % or 3 % and the gyro's scale off
 //! by 2 %: with a mismatch of 0.3 % for its standard deviation 21 of 28 runs were given a drift
-//! that they had not, and lost their place by 10 cm and more; with 0.6 % none was, the worst
-//! heading at the end off by 1.3°; with 1 % one of 28. Drifts of 0.1 to 0.19 °/s leave as much as
-//! before, 2.2° and 2.1°, root mean square of 66 runs of two minutes; the mission `map` paid for
-//! it, which kept half of them and keeps all.
+//! that they had not, and lost their place by 10 cm and more; with 1 % one was. With 0.5 % and
+//! 0.6 % it was none of those, but one of 24 in a room of slanted blocks whose robot had no errors.
+//! Drifts of 0.1 to 0.19 °/s leave as much as before, 2.2° and 2.3°, root mean square of 66 runs of
+//! two minutes; the mission `map` paid for it, which kept half of them and keeps all.
 //!
 //! # Not here
 //!
@@ -72,10 +72,10 @@ const DRIFT: usize = 0;
 const MISMATCHED: usize = 1;
 const ROUNDED: usize = 3;
 /// Standard deviations of the first three before anything was seen: the drift that
-/// `runtime::prepare` lets pass; one wheel larger than the other by 0.6 %, as a share of the track
+/// `runtime::prepare` lets pass; one wheel larger than the other by 1 %, as a share of the track
 /// width; the scales of gyro (1 to 4 % in `lego-sensor-tables`) and track width.
 const DRIFT_RAD_S: f64 = 0.2 * DEGREE_RAD;
-const MISMATCH: f64 = 0.006;
+const MISMATCH: f64 = 0.01;
 const SCALE: f64 = 0.03;
 
 /// An observation is made of this much time, seconds, so that some are of standing alone and some
