@@ -203,9 +203,11 @@ killed() {
     $((($(probe now) - killed_at) / 1000000)) ms "<=" 2000
   expect "the run ended because the menu closed" wait_for 10 ended_by "menu"
   expect "no process of ours has put the console back" console_is graphics
-  # The missions, or how the run ended where the service had not noted that yet.
+  # The missions, or how the run ended where the service had not noted that yet; what the killed
+  # menu left on the screen is neither. Lines are patterns of their own for grep.
   menu_up --at-boot
-  shows after-kill " V]"
+  shows after-kill '[Missions
+[Done'
   menu_down
   expect "the next menu that ends does" console_is text
 }
