@@ -228,7 +228,8 @@ impl fmt::Display for Measured {
             self.directions[1]
         )?;
         if self.unseen > 0.0 {
-            write!(f, "; all of them may be off together by {:.0} %", self.unseen * 100.0)?;
+            let percent = units::rounded_to(self.unseen * 100.0, 10.0);
+            write!(f, "; all of them may be off together by {percent} %")?;
         }
         Ok(())
     }

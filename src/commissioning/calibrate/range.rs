@@ -47,8 +47,8 @@ pub(super) fn bias_and_scale(
 ) -> Result<[Measured; 2], CalibrateError> {
     stage.dialogue.agree(
         "Put the robot half a metre before a plain wall, square to it, its head straight ahead, \
-         with a metre of floor behind it; have a measuring tape at hand. It will drive to the wall \
-         and wait there. Is it ready?",
+         with a metre of floor behind it; have a measuring tape at hand. It will turn square by \
+         itself, drive to the wall and wait there. Is it ready?",
     )?;
     let config = stage.config();
     let metres_per_rad = config.metres_per_rad();

@@ -4,10 +4,12 @@ use std::f64::consts::PI;
 
 use crate::behavior::Drive;
 use crate::senses::{Channel, Senses};
+use crate::units;
 
 use super::CalibrateError;
 use super::fit::{Measured, median, slope};
 use super::stage::{ASTRAY_RAD, Ended, Limit, Stage, Standing};
+use super::turns::turn_to;
 
 /// Between these ranges the robot drives back and forth, metres from the sensor: near enough for a
 /// loud echo, far enough not to touch.
@@ -42,6 +44,25 @@ const RECEDED_M: f64 = 0.1;
 /// How far the robot drives where a person measures, metres.
 const METRE_M: f64 = 1.0;
 
+/// How far the robot turns to either side to find where it stands square to the wall, radians: the
+/// sonar hears a wall up to some 30 degrees from its normal.
+const SWING_RAD: f64 = PI / 5.0;
+
+/// How fast, radians per second.
+const SWING_RAD_S: f64 = PI / 6.0;
+
+/// The wall is as near as it gets up to so much more, metres: more than the sensor's noise.
+const NEAREST_M: f64 = 0.015;
+
+/// A robot that turned by less than this stands square, radians.
+const SQUARE_RAD: f64 = PI / 36.0;
+
+/// What that leaves of the circumference unseen, as a share: the cosine of 5 degrees.
+const SQUARE_UNSEEN: f64 = 0.004;
+
+/// How often the robot swings at most: more than a person's eye leaves aslant.
+const SWINGS: u32 = 4;
+
 /// Drives back and forth before a wall; each leg is a measurement.
 pub(super) fn by_wall(
     stage: &mut Stage<'_>,
@@ -49,7 +70,8 @@ pub(super) fn by_wall(
 ) -> Result<Measured, CalibrateError> {
     stage.dialogue.agree(
         "Put the robot half a metre before a plain wall, square to it, its head straight ahead, \
-         with a metre of floor behind it. It will drive back and forth. Is it ready?",
+         with a metre of floor behind it. It will turn square by itself, and drive back and forth. \
+         Is it ready?",
     )?;
     let before_m = stage.config().drive.wheel_circumference_m;
     // What the sensor says for a metre, by the file.
@@ -60,16 +82,68 @@ pub(super) fn by_wall(
         slope(&points, RANGE_NOISE_M, FEWEST_ECHOES).map(|per_rad| -2.0 * PI * per_rad / scale)
     };
     let [back, ahead] = legs.map(|legs| legs.into_iter().filter_map(rolled).collect::<Vec<_>>());
-    Ok(Measured::of(before_m, [&ahead, &back]))
+    Ok(Measured { unseen: SQUARE_UNSEEN, ..Measured::of(before_m, [&ahead, &back]) })
 }
 
-/// Drives up to the wall; returns what the sensor said before.
+/// Turns square to the wall and drives up to it; returns what the sensor said before that way.
 pub(super) fn to_the_wall(stage: &mut Stage<'_>) -> Result<f64, CalibrateError> {
+    wall_ahead(stage)?;
+    square_up(stage)?;
     let range_m = wall_ahead(stage)?;
     if range_m > NEAR_M {
         way(stage, 1.0, range_m - NEAR_M)?;
     }
     Ok(range_m)
+}
+
+/// Turns the robot until the wall is as near to its left as to its right. On a way that is aslant
+/// the range falls by the cosine, which no scatter shows: a sonar hears the wall's nearest place
+/// wherever that is in its cone.
+fn square_up(stage: &mut Stage<'_>) -> Result<(), CalibrateError> {
+    for _ in 0..SWINGS {
+        if swing(stage)?.abs() < SQUARE_RAD {
+            return Ok(());
+        }
+    }
+    Err(CalibrateError::NoWall(
+        "the robot does not find where it stands square to the wall: put it half a metre before \
+         a plain wall, with nothing else near; if it does not turn on the spot, look at the \
+         wheels' ports and `inverted` in robot.toml"
+            .to_owned(),
+    ))
+}
+
+/// Looks to both sides and turns to the middle of where the wall is nearest; how far that was off,
+/// radians.
+fn swing(stage: &mut Stage<'_>) -> Result<f64, CalibrateError> {
+    let from = stage.rest()?;
+    let mut heard = Vec::new();
+    turn_to(stage, Some(&from), SWING_RAD_S, SWING_RAD, |_, _| ())?;
+    // There and back: a reading is of where the robot was a little earlier.
+    for side in [-1.0, 1.0] {
+        turn_to(stage, Some(&from), SWING_RAD_S, side * SWING_RAD, |at_rad, senses| {
+            heard.extend(senses.get(Channel::Range).map(|range| (at_rad, range.value)));
+        })?;
+    }
+    // It stands at the end of the last way.
+    if from.turned_rad(&stage.rest()?).abs() < SWING_RAD / 3.0 {
+        return Err(CalibrateError::Exchanged("the robot does not turn where it is to turn"));
+    }
+    let middle_rad = middle_of_nearest(&heard).ok_or(CalibrateError::WallLost)?;
+    turn_to(stage, Some(&from), SWING_RAD_S, middle_rad, |_, _| ())?;
+    Ok(middle_rad)
+}
+
+/// The mean angle of the nearest ranges: angles, radians, each with its range, metres.
+fn middle_of_nearest(heard: &[(f64, f64)]) -> Option<f64> {
+    let mut ranges: Vec<f64> =
+        heard.iter().map(|(_, range_m)| *range_m).filter(|range_m| range_m.is_finite()).collect();
+    ranges.sort_by(f64::total_cmp);
+    // A few may be wrong.
+    let nearest_m = *ranges.get(ranges.len() / 20)?;
+    let near = heard.iter().filter(|(_, range_m)| (range_m - nearest_m).abs() <= NEAREST_M);
+    let count = near.clone().count();
+    Some(near.map(|(at_rad, _)| at_rad).sum::<f64>() / units::count(count))
 }
 
 /// One way between the two ranges; see [`way`].

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use crate::behavior::Drive;
 use crate::mapping::whole_turn::WholeTurns;
-use crate::senses::Channel;
+use crate::senses::{Channel, Senses};
 use crate::units::{degrees, radians};
 
 use super::fit::Measured;
@@ -224,12 +224,28 @@ pub(super) fn turn(
     turn_rad_s: f64,
     angle_rad: f64,
 ) -> Result<Ended, CalibrateError> {
-    let from = stage.rest()?;
-    let (track_m, circumference_m) =
-        (stage.config().drive.track_width_m, stage.config().drive.wheel_circumference_m);
-    let limit = limit(stage, angle_rad, turn_rad_s.abs());
-    stage.drive(spinning(turn_rad_s), limit, |now, _| {
-        (circumference_m * from.apart_rad(now) / (2.0 * PI * track_m)).abs() >= angle_rad
+    turn_to(stage, None, turn_rad_s.abs(), angle_rad * turn_rad_s.signum(), |_, _| ())
+}
+
+/// Turns to an angle from where the robot stood, or stands, radians, anticlockwise. `hear` has the
+/// angle at each look, and what the robot senses there.
+pub(super) fn turn_to(
+    stage: &mut Stage<'_>,
+    from: Option<&Standing>,
+    speed_rad_s: f64,
+    to_rad: f64,
+    mut hear: impl FnMut(f64, &Senses),
+) -> Result<Ended, CalibrateError> {
+    let here = stage.rest()?;
+    let from = from.unwrap_or(&here);
+    let per_rad = 1.0 / (2.0 * wheel_rad_per_rad(stage));
+    let angle_rad = to_rad - from.apart_rad(&here) * per_rad;
+    let way = angle_rad.signum();
+    let limit = limit(stage, angle_rad.abs(), speed_rad_s);
+    stage.drive(spinning(way * speed_rad_s), limit, |now, senses| {
+        let at_rad = from.apart_rad(now) * per_rad;
+        hear(at_rad, senses);
+        way * (at_rad - to_rad) >= 0.0
     })
 }
 
@@ -237,11 +253,15 @@ fn spinning(turn_rad_s: f64) -> Drive {
     Drive::Twist { forward_m_s: 0.0, turn_rad_s }
 }
 
+/// By the file's numbers, what a wheel turns while the robot turns on the spot.
+fn wheel_rad_per_rad(stage: &Stage<'_>) -> f64 {
+    PI * stage.config().drive.track_width_m / stage.config().drive.wheel_circumference_m
+}
+
 fn limit(stage: &Stage<'_>, angle_rad: f64, speed_rad_s: f64) -> Limit {
-    let config = stage.config();
-    let wheel_rad_per_rad = PI * config.drive.track_width_m / config.drive.wheel_circumference_m;
+    let wheel_rad_per_rad = wheel_rad_per_rad(stage);
     // A low limit of max_dps makes it slower than asked.
-    let speed_rad_s = speed_rad_s.min(config.drive.max_wheel_rad_s / wheel_rad_per_rad);
+    let speed_rad_s = speed_rad_s.min(stage.config().drive.max_wheel_rad_s / wheel_rad_per_rad);
     let angle_rad = angle_rad * SLACK + radians(5.0);
     Limit { wheel_rad: angle_rad * wheel_rad_per_rad, time_s: 2.0 + 2.0 * angle_rad / speed_rad_s }
 }
