@@ -21,7 +21,9 @@ Makes what people install, and puts it into target/dist:
 
 The programs for PCs are built of the unpacked crate, where no configuration of this repository is
 found. PROCESSOR is x86_64, aarch64, armv5te or armv7: only these. Installs what is missing, as
-build.sh does. Exit codes: 0 done; 1 something could not be built or installed; 3 it is not fit.
+build.sh does. ONBRICK_OPT_LEVEL is the level at which programs for PCs are optimized: 3 by default,
+and lower where they are tested and not published, because that builds faster. Exit codes: 0 done;
+1 something could not be built or installed; 3 it is not fit.
 END
 }
 
@@ -60,8 +62,8 @@ build_pc() {
   install_rust
   # Optimized as `cargo install` does it, and not as a whole, which takes minutes.
   (cd "$work" && CARGO_TARGET_DIR=$built cross_cargo install --locked --no-track \
-    --config profile.release.opt-level=3 --config profile.release.lto=false \
-    --config profile.release.codegen-units=16 \
+    --config "profile.release.opt-level=${ONBRICK_OPT_LEVEL:-3}" \
+    --config profile.release.lto=false --config profile.release.codegen-units=16 \
     --path "onbrick-$version" --root "$work/installed-$1") ||
     fail "the program for $1 could not be built"
   program=$work/$name/bin/onbrick
