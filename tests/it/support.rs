@@ -66,9 +66,20 @@ pub fn own_address() -> String {
     format!("127.{}.{}.{}", 100 + number % 100, process >> 8 & 255, process & 255)
 }
 
-/// The seeds of a simulated world, `1..=count`; the first alone where this is not a PC's processor
-/// but the brick's, which QEMU emulates: it has no floats but in software, and each seed takes a
-/// hundred times as long.
+/// Whether the long forms of tests are asked for: more of the same.
+pub fn is_long() -> bool {
+    std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1")
+}
+
+/// The seeds of a simulated world: `1..=count` in the long form, else a third of them; the first
+/// alone where this is not a PC's processor but the brick's, which QEMU emulates: it has no floats
+/// but in software, and each seed takes a hundred times as long.
 pub fn seeds(count: u64) -> RangeInclusive<u64> {
-    1..=if cfg!(target_arch = "arm") { 1 } else { count }
+    1..=if cfg!(target_arch = "arm") {
+        1
+    } else if is_long() {
+        count
+    } else {
+        count.div_ceil(3)
+    }
 }

@@ -25,6 +25,7 @@ use onbrick::units::{degrees, wrap_rad};
 
 use super::rooms::room;
 use crate::missions::{job, play, robot};
+use crate::support::is_long;
 
 /// Posts of a hand's width.
 pub(super) const PILLARS: &str = r#"
@@ -295,7 +296,7 @@ struct Summary {
 }
 
 fn summary(name: &str, explored: impl Fn(u64) -> Figures, seeds: u64) -> Summary {
-    let runs: Vec<Figures> = crate::support::seeds(seeds).map(explored).collect();
+    let runs: Vec<Figures> = (1..=seeds).map(explored).collect();
     for (seed, figures) in (1..).zip(&runs) {
         figures.print(&format!("{name}, seed {seed}"));
     }
@@ -529,10 +530,6 @@ fn a_robot_whose_gyro_was_not_measured_spins_to_and_fro_and_no_other_does() {
         let [left, right] = turned_at_most(&robot, method);
         assert!(left < 0.8 && right < 0.8, "{method:?}: {left}, {right}");
     }
-}
-
-fn is_long() -> bool {
-    std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1")
 }
 
 fn print_head() {

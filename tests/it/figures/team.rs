@@ -79,7 +79,7 @@ fn path_error(track: &Track) -> f64 {
 #[test]
 #[cfg_attr(target_arch = "arm", ignore = "long runs, the same bits as on a PC")]
 fn figures_of_maps_put_together() {
-    let is_long = std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1");
+    let is_long = crate::support::is_long();
     let mut worlds = worlds().to_vec();
     worlds.push(("two-arenas", World::text("two-arenas").unwrap()));
     let seeds = 4..=if is_long { 7 } else { 5 };

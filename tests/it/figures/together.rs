@@ -128,7 +128,7 @@ fn what_two_robots_in_one_room_take_for_walls() {
              [robot.errors]\nrange_crosstalk = {crosstalk:?}\n"
         );
         let world = World::parse(name, text.as_bytes()).unwrap().0;
-        for seed in crate::support::seeds(2) {
+        for seed in crate::support::seeds(4) {
             let robots = explored_together(name, &text, seed);
             let mut scene = Scene {
                 tracks: robots.iter().map(|one| Track::of_run(&one.run, name)).collect(),

@@ -20,6 +20,7 @@ use onbrick::units::degrees;
 use super::explore::{GAP, PILLARS, SLANTED};
 use super::sonar;
 use crate::missions::{job, play, robot};
+use crate::support::is_long;
 
 /// Posts and slanted blocks in a room with a step.
 const CLUTTER: &str = r#"
@@ -173,7 +174,7 @@ pub(super) fn worlds() -> [(&'static str, &'static str); 8] {
 #[test]
 #[cfg_attr(target_arch = "arm", ignore = "long runs, the same bits as on a PC")]
 fn figures_of_walls_in_simulated_rooms() {
-    let is_long = std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1");
+    let is_long = is_long();
     println!(
         "walls: segments, metres; precision, phantoms %; recall of segments, of points %; mission \
          explore, 300 s"

@@ -9,7 +9,8 @@ use onbrick::clock::{Clock, MILLISECOND_NS, VirtualClock};
 use onbrick::runtime::{StopReason, replay};
 
 use crate::support::faulty::{Kind, Plan, Rule, Trouble};
-use crate::support::promised::{long, promised};
+use crate::support::is_long;
+use crate::support::promised::promised;
 use crate::support::stage::{Play, Played};
 
 const CALLS: [Kind; 2] = [Kind::Read, Kind::Write];
@@ -21,7 +22,7 @@ fn play(plan: &Plan) -> Played {
 
 /// This many calls of a run, spread over it evenly; all of them in the long form.
 fn some_of(calls: u64, some: u64) -> impl Iterator<Item = u64> {
-    let step = if long() { 1 } else { (calls / some).max(1) };
+    let step = if is_long() { 1 } else { (calls / some).max(1) };
     (1..=calls).step_by(usize::try_from(step).unwrap())
 }
 

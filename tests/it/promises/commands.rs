@@ -14,7 +14,8 @@ use onbrick::senses::Channel;
 
 use crate::support::brick::{FakeTree, rotary_tables};
 use crate::support::chance::Chance;
-use crate::support::promised::{long, promised};
+use crate::support::is_long;
+use crate::support::promised::promised;
 
 /// What was written, and what of it should never have been.
 #[derive(Debug, Default)]
@@ -194,7 +195,7 @@ fn demands(chance: &mut Chance) -> (Demands, u64) {
 
 #[test]
 fn promise_5_nothing_outside_the_limits_reaches_a_file() {
-    let wanted = if long() { 20_000_000 } else { 1_000_000 };
+    let wanted = if is_long() { 20_000_000 } else { 1_000_000 };
     let (mut demanded, mut robots, mut written, mut speeds) = (0_u64, 0_u64, 0, 0);
     let mut at_the_limit = 0;
     while demanded < wanted {

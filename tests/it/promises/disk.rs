@@ -15,9 +15,10 @@ use onbrick::senses::Senses;
 use crate::recording::sample::{end, start, tick};
 use crate::support::chance::Chance;
 use crate::support::faulty::{Kind, Plan, Trouble};
+use crate::support::is_long;
 use crate::support::memory::MemoryDisk;
 use crate::support::pass_over;
-use crate::support::promised::{long, promised};
+use crate::support::promised::promised;
 use crate::support::stage::Play;
 use crate::support::tested_program;
 
@@ -48,7 +49,7 @@ fn promise_7_a_disk_that_fails_at_the_nth_call_stops_the_run_cleanly_for_every_n
         let mut failed = false;
         // In the short form one kind of failure at each place, in turn.
         let kinds =
-            troubles.iter().enumerate().filter(|(kind, _)| long() || nth % 4 == *kind as u64);
+            troubles.iter().enumerate().filter(|(kind, _)| is_long() || nth % 4 == *kind as u64);
         for (_, trouble) in kinds {
             let plan = Plan::once(&DISK, nth, trouble.clone());
             let disk = MemoryDisk::default();

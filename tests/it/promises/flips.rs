@@ -8,7 +8,8 @@ use onbrick::senses::Senses;
 
 use crate::recording::sample::{chunks, sample};
 use crate::support::chance::Chance;
-use crate::support::promised::{long, promised};
+use crate::support::is_long;
+use crate::support::promised::promised;
 use crate::support::stage::Play;
 
 /// A whole recording, and what each of its chunks holds.
@@ -88,7 +89,8 @@ fn promise_7_every_single_flipped_bit_of_a_small_recording_costs_at_most_its_chu
         let mut damaged = whole.bytes.clone();
         let hit: Vec<usize> = whole.chunk(place).into_iter().collect();
         // In the short form, one bit of each byte in the long texts of the schemas.
-        let bits = if texts.contains(&place) && !long() { place % 8..place % 8 + 1 } else { 0..8 };
+        let bits =
+            if texts.contains(&place) && !is_long() { place % 8..place % 8 + 1 } else { 0..8 };
         for bit in bits {
             damaged[place] ^= 1 << bit;
             whole.judge(&damaged, &hit, &format!("bit {bit} of byte {place}"));
@@ -106,12 +108,12 @@ fn promise_7_every_single_flipped_bit_of_a_small_recording_costs_at_most_its_chu
 
 #[test]
 fn promise_7_random_flips_in_a_large_recording_cost_at_most_their_chunks() {
-    let seconds = if long() { 120.0 } else { 30.0 };
+    let seconds = if is_long() { 120.0 } else { 30.0 };
     let played = Play::of("map", "arena", 3).seconds(seconds).play().unwrap();
     let whole = Whole::of(played.disk.bytes());
-    let wanted: usize = if long() { 100_000 } else { 2_000 };
+    let wanted: usize = if is_long() { 100_000 } else { 2_000 };
     // One flip a file in the long form; in the short one up to ten, so that damage meets damage.
-    let most = if long() { 1 } else { 10 };
+    let most = if is_long() { 1 } else { 10 };
     let files = wanted / most;
     let flips = std::sync::atomic::AtomicUsize::new(0);
     in_parallel(0, files, |file| {

@@ -21,9 +21,10 @@ use self::bench::{
 };
 use crate::foreign::bench::example;
 use crate::mount::bench::{await_or_fail, no_fuse, real_time};
+use crate::support::is_long;
 use crate::support::memory_group::no_memory_groups;
 use crate::support::pass_over;
-use crate::support::promised::{long, promised};
+use crate::support::promised::promised;
 use crate::support::real_time::come_first;
 use crate::support::tested_program;
 
@@ -152,8 +153,8 @@ fn promise_1_whatever_becomes_of_a_runs_processes_its_motors_stop() {
         return;
     }
     let _alone = real_time();
-    let kills = number("ONBRICK_KILLS", if long() { 1000 } else { CASES.len() });
-    let bricks = number("ONBRICK_BRICKS", if long() { 20 } else { 5 });
+    let kills = number("ONBRICK_KILLS", if is_long() { 1000 } else { CASES.len() });
+    let bricks = number("ONBRICK_BRICKS", if is_long() { 20 } else { 5 });
     let first = come_first();
     promised(&format!(
         "{kills} faults on {bricks} bricks; what serves them comes first on this machine: {first}"

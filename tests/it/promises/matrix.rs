@@ -7,7 +7,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::missions;
-use crate::support::promised::{long, promised};
+use crate::support::is_long;
+use crate::support::promised::promised;
 use crate::support::stage::{Play, Played, fault};
 use onbrick::recording::Run;
 use onbrick::runtime::{StopReason, replay};
@@ -128,7 +129,7 @@ fn promise_3_each_fault_on_each_device_is_noticed_in_time_or_known_to_be_undetec
               software"
 )]
 fn promise_3_no_reading_of_a_good_robot_is_called_implausible() {
-    let seeds = if long() { 50 } else { 2 };
+    let seeds = if is_long() { 50 } else { 2 };
     // The robot of these worlds has no infrared sensor for a remote control.
     let jobs: Vec<(&str, &str, u64)> = onbrick::behavior::shipped::MISSIONS
         .iter()

@@ -11,7 +11,8 @@ use onbrick::sim::{DeviceFault, Order, Port, Scenario};
 
 use crate::support::chance::Chance;
 use crate::support::faulty::{Kind, Plan, Rule, Trouble};
-use crate::support::promised::{long, promised};
+use crate::support::is_long;
+use crate::support::promised::promised;
 use crate::support::stage::{Play, Played};
 
 /// Missions with the worlds that they are for.
@@ -169,7 +170,7 @@ fn promise_11_missions_with_random_faults_for_hours_leave_nothing_driving_and_no
     }
     let hours =
         std::env::var("ONBRICK_SOAK_HOURS").ok().and_then(|hours| hours.parse::<f64>().ok());
-    let wanted_s = 3600.0 * hours.unwrap_or(if long() { 24.0 } else { 1.0 / 6.0 });
+    let wanted_s = 3600.0 * hours.unwrap_or(if is_long() { 24.0 } else { 1.0 / 6.0 });
     let started = std::time::Instant::now();
     let (mut drove_s, mut metres, mut stints, mut faults) = (0.0, 0.0, 0_u64, 0);
     let mut ends = std::collections::BTreeMap::<String, u32>::new();
@@ -188,7 +189,7 @@ fn promise_11_missions_with_random_faults_for_hours_leave_nothing_driving_and_no
         }
     }
     let (before, after) = (first.unwrap_or_else(used), used());
-    if long() {
+    if is_long() {
         // Alone in its process: other tests open files of their own.
         assert_eq!(before.1, after.1, "descriptors");
         assert!(after.0 < before.0 + 50_000, "memory: {} kB, then {} kB", before.0, after.0);

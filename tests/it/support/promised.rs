@@ -8,8 +8,3 @@ pub const MARK: &str = "promised: ";
 pub fn promised(figures: &str) {
     println!("{MARK}{figures}");
 }
-
-/// True where the long forms of tests are asked for: `ONBRICK_LONG=1`.
-pub fn long() -> bool {
-    std::env::var_os("ONBRICK_LONG").is_some_and(|value| value == "1")
-}
